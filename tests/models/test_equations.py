@@ -54,6 +54,13 @@ def test_an_equation_means_what_it_means_in_python(text):
     assert value(text) == eval(text, there)
 
 
+def test_a_derivative_that_is_another_states_value_by_chance_is_no_rate():
+    """(20 − 0.1)/2/50 + 0.1/2/50 is 0.2, which is what a second state is where both are taken as 0.1 and 0.2."""
+    rates = {"plate": Equation("(-(plate - 20)/2 - (plate - block)/2)/50"), "block": Equation("(plate - block)/20")}
+    assert Equations(rates, {}, {}).model("rig", []).rates == {}
+    assert Equations({"x": Equation("v"), "v": Equation("-x")}, {}, {}).model("mass", []).rates == {0: 1}
+
+
 @pytest.mark.parametrize("name", [n for n in KNOWN if n not in ("acosh", "atanh")])
 def test_every_function_that_equations_may_have_is_compiled(name):
     text = f"{name}(a, c)" if name in (*ARGUMENTS, "min", "max") else f"{name}(a)"

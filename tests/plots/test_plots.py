@@ -83,6 +83,8 @@ def test_each_output_is_headed_by_its_fit_and_rmse():
         rmse = recording.rmse[name]
         assert f"fit {recording.fit_percent[name]:.1f} %, RMSE {np.degrees(rmse):.3g}°" in said
         assert f"({rmse / ENCODER:.1f} encoder steps)" in said
+    force = replace(recording, units=dict.fromkeys(recording.measured, "N"))
+    assert "steps of the recording)" in words(fitted_over_time(force, resolution=STEPS))
 
 
 @pytest.mark.few(1)

@@ -86,8 +86,22 @@ def test_a_short_relaxation_is_stepped_without_loss(project):
     np.testing.assert_allclose(time[20:] - run.states[20:, 0], 1e-3, rtol=2e-2)
 
 
-def test_uneven_samples_that_nobody_says_are_meant_so_are_refused_with_what_to_type(tmp_path):
-    assert 'type resample = "uneven"' in refusal(changed(tmp_path, 'resample = "uneven"\n', ""))
+def test_samples_that_crowd_stay_where_they_are_whether_the_project_says_so_or_not(project, tmp_path):
+    unsaid = fracid.load_project(changed(tmp_path, 'resample = "uneven"\n', ""), trust=True)
+    for e, said in zip(unsaid.problem.experiments, project.problem.experiments, strict=True):
+        np.testing.assert_array_equal(e.times, said.times)
+    on_a_grid = fracid.load_project(changed(tmp_path, 'resample = "uneven"\n', "resample = 0.1\n"), trust=True)
+    assert all(e.times is None for e in on_a_grid.problem.experiments)
+
+
+def test_a_recording_of_crowded_samples_is_checked_as_it_is_fitted(tmp_path):
+    strip(tmp_path)
+    report = fracid.load_recording(tmp_path / "fast.csv").report
+    assert dict(report.rows())["jitter"] == "uneven: a fit takes the samples where they are"
+    assert not report.warnings
+    t = np.arange(200.0) + np.random.default_rng(1).uniform(0, 0.2, 200)
+    jitters = fracid.Recording.of("log", t, {"x": np.cos(t)}).report
+    assert "a fit resamples it to a uniform grid" in " ".join(jitters.warnings)
 
 
 def test_a_rate_and_a_held_position_contradict_each_other(tmp_path):

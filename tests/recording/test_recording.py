@@ -646,6 +646,24 @@ def test_a_clock_that_mostly_repeats_is_refused_without_a_warning():
     assert not jumps(t, np.arange(900) % 3.0)
 
 
+def test_a_recording_without_an_angle_says_nothing_of_a_release():
+    t = np.arange(400) / 10
+    cell = Recording.of("cell", t, {"voltage": 3 + t / 90 + 0.01 * np.cos(t)}, {"voltage": "V"}).report
+    assert "release" not in cell.verdict
+    assert "release" not in dict(cell.rows())
+    swing = Recording.of("swing", t, {"alpha": np.cos(t)}).report
+    assert "no release found" in swing.verdict
+    assert "release" in dict(swing.rows())
+
+
+@pytest.mark.parametrize(("rest", "said"), [(np.pi + 0.02, "off π"), (4.38, "")])
+def test_where_an_angle_rests_is_held_against_half_a_turn_only_near_one(rest, said):
+    t = np.arange(0, 20, 0.01)
+    (row,) = Recording.of("log", t, {"motor": rest * -np.expm1(-3 * t)}).report.signal_rows()
+    assert said in row["rest"]
+    assert ("off" in row["rest"]) == bool(said)
+
+
 def test_one_sample_is_too_few(tmp_path):
     (tmp_path / "log.csv").write_text("t,alpha\n0,1\n")
     with pytest.raises(DataError, match="1 sample; a recording needs at least two"):

@@ -1,6 +1,7 @@
 """Constants of any model of equations, by linear regression from the tree of its equations."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -60,6 +61,14 @@ def test_what_is_not_linear_is_named_and_held():
     found = regress_equations(problem_of("pendulum", ("J", "coulomb_angle", "slip_speed"), off=1.0, **at))
     assert [*found.parameters] == ["J", "coulomb_angle"]
     assert found.warnings[0] == "slip_speed: the equations are not linear in it; held at the project's start."
+
+
+def test_a_constant_without_effect_is_held_and_named():
+    problem = problem_of("oscillator", ("m", "k"), {"mu": 1.0}, force=1.0)
+    free = {**problem.parameters, "slip_speed": Free(0.01, 1e-3, 1.0)}  # of dry friction, which is 0 here
+    found = regress_equations(replace(problem, parameters=free))
+    assert [*found.parameters] == ["m", "k"]
+    assert found.warnings[0] == "slip_speed: no equation depends on it; held at the project's start."
 
 
 @pytest.mark.broad

@@ -18,6 +18,7 @@ from fracid.report.open import _spec, open_page_text, write_open_page
 from fracid.safety.door import own_text
 from fracid.safety.json_files import plain
 from languages import NODE
+from program import run
 
 WAITING = "element('project').hidden && !/No simulation|holds no|is no text/.test(element('fit-said').textContent)"
 
@@ -228,13 +229,8 @@ INPUTS = {"pulses of a force": ("oscillator", {"displacement": SINE, "force [N]"
           "a length whose rate the model takes": ("relaxation", {"force": SINE, "stretch [m]": PULSES})}  # fmt: skip
 
 
-@in_node
-@pytest.mark.parametrize("case", INPUTS)
-def test_the_page_says_what_inputs_do_between_their_samples_as_a_draft_does(tmp_path, case):
-    name, signals = INPUTS[case]
-    file = tmp_path / "log.csv"
-    np.savetxt(file, np.column_stack([0.02 * np.arange(400), *signals.values()]), "%.6g", ",", comments="",
-               header=",".join(["time [s]", *signals]))  # fmt: skip
+def page_and_draft(name, file):
+    """The project of a recording as the page begins it, and as a draft does."""
     units = {"signal": TABLES["signal"], "time": TABLES["time"]}
     script = "".join(own_text(f"report/{part}.js") for part in ("fitting", "reading", "drafting")) + f"""
         const spec = {json.dumps(plain(_spec(name, fracid.model(name))))}, units = {json.dumps(units)};
@@ -242,16 +238,79 @@ def test_the_page_says_what_inputs_do_between_their_samples_as_a_draft_does(tmp_
         const table = {{ ...read, name: "log.csv" }};
         const setup = Drafting.guess(table, {{ {name!r}: spec }}, units, {name!r});
     """ + """
-        const values = { orders: Object.fromEntries(spec.orders.map(q => [q.name, q.start])),
-                         parameters: Object.fromEntries(spec.parameters.map(p => [p.name, p.value])) };
-        const found = { values, free: new Set(), fixedOrders: {}, rmse: "", units };
-        console.log(Drafting.project(table, spec, setup, found));
+        const of = s => ({ ...s, factor: Drafting.factorOf(s, units) });
+        const signals = Object.fromEntries(Object.entries(setup.signals).map(([n, s]) => [n, of(s)]));
+        const recording = Preview.recordingOf(table, spec, { ...setup, signals, time: { ...setup.time, factor: 1 } });
+        const sought = p => p.free === "always" || (p.free === "driven" && recording.driven);
+        const parameters = Object.fromEntries(spec.parameters.map(p => [p.name, p.value]));
+        const begun = { parameters, free: new Set(spec.parameters.filter(sought).map(p => p.name)), fixedOrders: {} };
+        const unknowns = Preview.unknownsOf(spec, recording, begun);
+        const values = Preview.valuesOf(spec, unknowns, unknowns.map(u => u.start), begun);
+        console.log(Drafting.project(table, spec, setup, { ...begun, values, rmse: "", units, unknowns }));
     """  # fmt: skip
     done = subprocess.run([NODE, "-"], input=script, capture_output=True, text=True, check=True, timeout=100)
-    ours, drafts = (tomllib.loads(text)["recording"][0] for text in (done.stdout, draft_of_model(name, file).text))
+    return [tomllib.loads(text) for text in (done.stdout, draft_of_model(name, file).text)]
+
+
+@in_node
+@pytest.mark.parametrize("case", INPUTS)
+def test_the_page_says_what_inputs_do_between_their_samples_as_a_draft_does(tmp_path, case):
+    name, signals = INPUTS[case]
+    file = tmp_path / "log.csv"
+    np.savetxt(file, np.column_stack([0.02 * np.arange(400), *signals.values()]), "%.6g", ",", comments="",
+               header=",".join(["time [s]", *signals]))  # fmt: skip
+    rows = [project["recording"][0] for project in page_and_draft(name, file)]
     inputs = fracid.model(name).inputs
-    said = [{n: row[n]["between"] for n in inputs if "between" in row.get(n, {})} for row in (ours, drafts)]
+    said = [{n: row[n]["between"] for n in inputs if "between" in row.get(n, {})} for row in rows]
     assert said[0] == said[1]
+
+
+def free_of(project):
+    return {n for n, v in project["model"]["parameters"].items() if isinstance(v, dict)}
+
+
+@in_node
+def test_the_page_frees_and_begins_a_cell_and_takes_crowded_samples_as_a_draft_does(tmp_path):
+    t = np.arange(0.0, 600.0)
+    current = np.where((t > 60) & (t < 300), 2.0, 0.0)
+    volts = 3.2 + np.cumsum(current) / 1500 + 0.05 * current
+    np.savetxt(tmp_path / "cell.csv", np.column_stack([t, current, volts]), "%.6g", ",", comments="",
+               header="time [s],current [A],voltage [V]")  # fmt: skip
+    page, draft = page_and_draft("capacitor", tmp_path / "cell.csv")
+    assert "R_1" not in free_of(page) >= free_of(draft)
+    assert page["recording"][0]["initial"] == {
+        "v": {"start": 3.2, "lower": pytest.approx(-0.97, abs=1), "upper": pytest.approx(7.4, abs=1)}
+    }
+    assert page["recording"][0]["initial"].keys() == draft["recording"][0]["initial"].keys()
+    t = np.concatenate([np.arange(0, 4, 0.05), np.geomspace(4, 2000, 100)])
+    np.savetxt(tmp_path / "strip.csv", np.column_stack([t, np.minimum(t, 2), np.minimum(t, 2) / (1 + t)]), "%.6g", ",",
+               comments="", header="t [s],stretch [mm],force [N]")  # fmt: skip
+    page, draft = page_and_draft("relaxation", tmp_path / "strip.csv")
+    assert free_of(page) == {"k", "c"}
+    assert page["recording"][0]["resample"] == draft["recording"][0]["resample"] == "uneven"
+
+
+def test_what_to_type_next_is_what_a_check_of_the_file_says(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    rows = "".join(f"{k},{k % 2},{20 + k / 9}\n" for k in range(60))
+    (tmp_path / "heat.csv").write_text("time,heater,plate\n" + rows)
+    said = [run(capsys, *command)[1].partition("next ")[2] for command in (("open", "heat.csv"), ("check", "heat.csv"))]
+    assert said[0].startswith("    fracid init heat.csv --model NAME --column NAME=COLUMN")
+    assert said[0].strip() in said[1]
+
+
+@in_node
+def test_a_table_of_no_model_is_not_guessed_to_be_a_pendulums():
+    specs, units = (
+        {"rotary-pendulum": _spec("rotary-pendulum", fracid.model("rotary-pendulum"))},
+        {"time": TABLES["time"]},
+    )
+    script = "".join(own_text(f"report/{part}.js") for part in ("fitting", "reading", "drafting")) + f"""
+        const specs = {json.dumps(plain(specs))}, table = Reading.parse("time,heater,plate\\n0,0,20\\n1,1,21\\n2,1,22");
+        console.log(Drafting.guess(table, specs, {json.dumps(units)}));
+    """  # fmt: skip
+    done = subprocess.run([NODE, "-"], input=script, capture_output=True, text=True, check=True, timeout=100)
+    assert done.stdout.strip() == "null"
 
 
 @pytest.mark.broad

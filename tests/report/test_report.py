@@ -22,11 +22,13 @@ import fracid
 from browser import CHROMIUM, Browser
 from fracid.arrays import extremes
 from fracid.cli.app import main
+from fracid.cli.fit import _discretisation
 from fracid.errors import InputError
 from fracid.estimation.cost_plane import cost_plane
 from fracid.estimation.records import in_words
 from fracid.optimise import Outcome
 from fracid.report import plane_of, report_page, write_report
+from fracid.report.charts import Chart, Series, still
 from fracid.report.equations import equations
 from fracid.report.material import Material
 from fracid.report.page import _wide
@@ -36,6 +38,7 @@ from fracid.report.whiskers import orders_drawn
 from fracid.runs.folder import open_folder, write_result
 from fracid.runs.saved import load_run
 from fracid.selection.comparison_records import Comparison, OrderOfRow, Row, Score
+from fracid.validation.discretisation import Discretisation
 from fracid.validation.residual_analyses import first_part
 from fracid.validation.residual_records import Level
 from twins import RIG, write_release
@@ -510,6 +513,15 @@ def test_the_table_of_the_step_shows_how_far_the_orders_move(page):
     assert "shift" in text
 
 
+def test_a_step_at_half_of_which_no_run_ends_is_said_so_beside_no_shift(material):
+    check = material.result["discretisation"] | {"cost_half_step": None, "cost_second_order": None, "orders": {}}
+    text = report_page(replace(material, result=material.result | {"discretisation": check | {"shift": {}}}))
+    table = text[text.index("Sensitivity to step size") : text.index("Integer-order alternative")]
+    assert table.count("no run") == 2
+    assert "shift" not in table
+    assert _discretisation(Discretisation(1.0, np.inf, np.inf, {}, {})) == "with pi2 at half the step the run fails"
+
+
 AGAINST = {
     "nothing": ({}, None, []),
     "a prediction that nobody tested": ({"recordings": FIT_ONLY}, None, []),
@@ -716,6 +728,14 @@ def test_thinning_keeps_ends_and_extremes_and_holds_its_budget(n):
         assert (np.nanmin(y[at]), np.nanmax(y[at])) == (np.nanmin(y), np.nanmax(y))
 
 
+@pytest.mark.parametrize("end", [2000.0, 86400.0])
+def test_the_last_label_below_a_still_is_whole(end):
+    t = np.linspace(0.0, end, 9)
+    drawing = still(Chart("force", t, "time [s]", "[N]", (Series("measured", np.sin(t), "measured"),), "time"), 400)
+    labels = re.findall(r'<text[^>]* x="([\d.]+)"[^>]*>([\d.]+)</text>', drawing)
+    assert max(float(x) + 3.4 * len(text) for x, text in labels) <= 400
+
+
 @pytest.mark.parametrize("recordings", [1, 5, 20, 200])
 def test_the_budget_of_a_page_bounds_its_size_however_many_recordings(recordings):
     points = budget(recordings)
@@ -797,6 +817,14 @@ def test_no_value_and_no_score_is_cut_off_at_the_side(browser, file, width):
     cut = "[...document.querySelectorAll('.wide')].filter(e => e.querySelector('.estimates, .fits')" \
           " && e.scrollWidth > e.clientWidth).map(e => e.ariaLabel)"  # fmt: skip
     assert browser.run(cut) == []
+
+
+def test_the_last_label_below_a_chart_is_whole(browser, file):
+    browser.open(file, width=400, **CALM)
+    browser.run("Chart.rebuild(true)")
+    beside = "u.width - (u.bbox.left + u.bbox.width) / uPlot.pxRatio"
+    short = f"Chart.all.filter(({{ plot: u, spec }}) => !spec.right?.length && {beside} < half(u) - 1).length"
+    assert browser.run(short) == 0
 
 
 def test_the_indices_of_an_equation_stand_below_their_letters(browser, file):

@@ -109,11 +109,11 @@ def _say_next(recording: Recording, options: Mapping[str, Any], own: Columns) ->
         why = "if these are the columns and units; else change them: rad, deg, turns, counts"
     steps = [(typed("check", recording.path, *words_of(again)), why)] if why else []
     words = [*words_of(again if "wrong-clock" in found else options)]
-    steps += [(typed("init", recording.path, *words, *which), why) for which, why in _models_for(recording, own)]
+    steps += [(typed("init", recording.path, *words, *which), why) for which, why in models_for(recording, own)]
     say_next(new_console(), *steps)
 
 
-def _models_for(recording: Recording, own: Columns) -> list[tuple[tuple[str, ...], str]]:
+def models_for(recording: Recording, own: Columns) -> list[tuple[tuple[str, ...], str]]:
     """What ``fracid init`` is to be told of the model, and what it then does: what it cannot decide is asked here."""
     from fracid.problem.roles import likely_models
 

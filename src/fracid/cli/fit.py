@@ -164,8 +164,7 @@ def show_fit(run: FinishedRun, console: Console | None = None, told: Collection[
         say(console, "cut: a record begins in motion; --cut shows how far the orders move with that", "  ")
     without = [n for n, e in fit.orders.items() if e.free and p.model.integer_order(n) is None]
     if fit.alternative is None and without:
-        said = f"no alternative model was tried: the model gives {escape(' and '.join(without))} no integer value"
-        say(console, f"integer order: {said}", "  ")
+        say(console, SAYS("no-integer-value", orders=escape(" and ".join(without))), "  ")
     console.print(f"result   {escape(str(run.folder / 'result.json'))}", soft_wrap=True)
 
 
@@ -230,6 +229,6 @@ def _starts(fit: Fit) -> str:
 
 def _discretisation(check: Discretisation) -> str:
     shifts = ", ".join(f"{letter(n)} {shift:+.1e}" for n, shift in check.shift.items())
-    cost = f"with pi2 at half the step the cost is {check.cost_second_order:.6g}"
-    said = f"{cost} and the orders move by {shifts}" if shifts else cost
+    cost = f"the cost is {check.cost_second_order:.6g}" if isfinite(check.cost_second_order) else "the run fails"
+    said = f"with pi2 at half the step {cost}{f' and the orders move by {shifts}' * bool(shifts)}"
     return f"{check.refinement} {said[0].upper()}{said[1:]}" if check.refinement else said

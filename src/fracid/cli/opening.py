@@ -9,6 +9,7 @@ import typer
 from fracid.cli.app import How, command, new_console, open_page, say_next, typed
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
+from fracid.workflows.records import words_of
 
 
 @command
@@ -27,4 +28,9 @@ def open(file: Path | None = None, *, how: How) -> None:
     if not open_page(path, how.open_):
         typer.echo(f"Open {path.resolve().as_uri()} in a browser.")
     if file is not None:
-        say_next(new_console(), (typed("init", file), "the project, with what the file itself says"))
+        from fracid.cli.check import models_for
+        from fracid.recording import inspect_recording
+
+        options = {"variable": how.variable}
+        models = models_for(inspect_recording(file, **options), {})
+        say_next(new_console(), *((typed("init", file, *words_of(options), *which), why) for which, why in models))

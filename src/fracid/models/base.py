@@ -415,13 +415,12 @@ class Model(CardDisplay):
         {0: 1, 2: 3}
         """
         n = len(self.states)
-        points = np.linspace(0.1, 0.2, n) ** np.sqrt([[0.5], [0.7]])  # round constants make no state of another there
-        out, rhs = np.full_like(points, np.nan), getattr(self.rhs, "py_func", self.rhs)
+        x = np.sqrt(np.arange(n) + 0.5) / 10  # irrational: round constants make no state of another there
+        out, rhs = np.full(n, np.nan), getattr(self.rhs, "py_func", self.rhs)
         try:
             with np.errstate(all="ignore"):
-                for x, rates in zip(points, out, strict=True):
-                    returned = rhs(0.0, x, np.zeros(len(self.inputs)), self.parameter_vector(), rates)
-                    getattr(returned, "close", bool)()  # of an async def, which is refused where it is compiled
+                returned = rhs(0.0, x, np.zeros(len(self.inputs)), self.parameter_vector(), out)
+                getattr(returned, "close", bool)()  # of an async def, which is refused where it is compiled
         except (ArithmeticError, ValueError):  # where it has no value, as a root of a negative number
             return {}
         except Exception as error:
@@ -429,7 +428,7 @@ class Model(CardDisplay):
                                   inputs=len(self.inputs), parameters=len(self.parameters))) from error  # fmt: skip
         driven = {*self.relaxing_states, *(i for i, q in enumerate(self.orders) if isinstance(q, Complement))}
         pairs = ((i, j) for i in range(n) if i not in driven for j in range(n) if i != j)
-        return {i: j for i, j in pairs if np.array_equal(out[:, i], points[:, j])}
+        return {i: j for i, j in pairs if out[i] == x[j]}
 
     @cached_property
     def program(self) -> Program:

@@ -32,6 +32,7 @@ from fracid.problem.costs import COSTS
 from fracid.safety.door import own_text
 from fracid.safety.text import cut
 from fracid.units import GREEK, shown_unit, typeset_unit, with_unit
+from fracid.validation.residual_sentences import words_of
 
 BLUE, ORANGE, VERMILLION, GREEN = "#0072B2", "#E69F00", "#D55E00", "#009E73"
 
@@ -286,7 +287,7 @@ def encoder_band(axes: Axes, step: float | None, unit: str = "rad", *, upright: 
     if step:
         half = shown_unit(unit)[1] * step / 2
         span, line = (axes.axvspan, axes.axvline) if upright else (axes.axhspan, axes.axhline)
-        label = f"± ½ encoder step of {with_unit(step, unit)}"
+        label = f"± ½ {words_of(unit)['step']} of {with_unit(step, unit)}"
         span(-half, half, color=ORANGE, alpha=0.3, lw=0, zorder=0.5, label=label)
         for edge in (-half, half):
             line(edge, color=ORANGE, lw=0.8, zorder=3)
@@ -402,10 +403,9 @@ def goodness(recording: RecordingFit, name: str, step: float | None) -> str:
     if missing := np.count_nonzero(~np.isfinite(recording.fitted[name])):
         return f"no fit; the simulation has no value at {missing} of {recording.time.size} samples"
     rmse, percent = recording.rmse[name], recording.fit_percent[name]
-    if np.ptp(recording.measured[name]) == 0:
-        fit = "fit undefined (constant signal)"
-    else:
-        fit = f"fit {number(percent, 1)} %" if percent > -1e4 else "fit below −10 000 %"
+    fit = f"fit {number(percent, 1)} %" if percent > -1e4 else "fit below −10 000 %"
+    fit = fit if np.ptp(recording.measured[name]) else "fit undefined (constant signal)"
     counts = rmse / step if step else np.inf
-    in_steps = f" ({counts:.{1 if counts < 10 else 0}f} encoder steps)" if counts < 1e3 else ""
-    return f"{fit}, RMSE {with_unit(rmse, recording.unit(name))}{in_steps}"
+    unit = recording.unit(name)
+    in_steps = f" ({counts:.{1 if counts < 10 else 0}f} {words_of(unit)['steps']})" if counts < 1e3 else ""
+    return f"{fit}, RMSE {with_unit(rmse, unit)}{in_steps}"

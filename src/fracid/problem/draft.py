@@ -204,9 +204,6 @@ def with_between(fields: Mapping[str, Any], name: str, recording: Recording, mod
     return {**fields, "between": "hold" if held else "line", **fields}
 
 
-CROWDED = 3.0
-"""Samples of one quarter of a recording that lie so much closer than those of another are meant to."""
-
 JITTER, FEW = 0.02, 20_000
 """Of half of the steps, relative, from which on they are no grid; in so few samples: more are fitted on one, faster."""
 
@@ -221,8 +218,7 @@ def why_uneven(recording: Recording) -> str:
     'its samples crowd where much happens'
     """
     dt = np.diff(recording.time)
-    steps = [np.median(part) for part in np.array_split(dt, 4)]
-    if max(steps) > CROWDED * min(steps):
+    if recording.report.clock.crowded:
         return "its samples crowd where much happens"
     jitters = len(dt) < FEW and np.median(np.abs(dt - np.median(dt))) > JITTER * np.median(dt)
     return "its stamps jitter, and straight lines between samples are not the motion" if jitters else ""
@@ -250,8 +246,7 @@ def guess_file(
     if "voltage" not in columns and (command := _rare_command(table)):
         columns["voltage"] = {"column": command, "unit": "V", "fill": "hold"}
         return columns, (*notes, SAYS("rare-command", command=command))
-    blank = with_code(raw.report.reading, "blank")
-    return columns, notes if "voltage" in columns else notes + blank
+    return columns, notes + with_code(raw.report.reading, "blank") * ("voltage" not in columns)
 
 
 def draft_project(
@@ -459,8 +454,7 @@ def _breaks(recording: Recording) -> NDArray[np.bool_]:
 def _rare_command(table: Table) -> str | None:
     """A column that is called like an input, is blank in part, and has more than one value."""
     commands = ((n, x) for n, x in zip(table.names, table.values.T, strict=True) if is_angle(n, "voltage"))
-    moving = (n for n, x in commands if not np.isfinite(x).all() and np.unique(x[np.isfinite(x)]).size > 1)
-    return next(moving, None)
+    return next((n for n, x in commands if not np.isfinite(x).all() and np.unique(x[np.isfinite(x)]).size > 1), None)
 
 
 def _way(recording: Recording) -> float:

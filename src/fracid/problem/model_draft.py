@@ -116,9 +116,17 @@ def _unit(model: Model, name: str, raw: Recording, column: str) -> tuple[dict[st
     return {}, "whose unit the header says"
 
 
-def _channels(columns: Columns) -> Columns:
-    """What is read from the file, without what stands between it and the model."""
-    return {n: {k: v for k, v in c.items() if k not in (*QUANTITIES, "between")} for n, c in columns.items()}
+def states_with_unit(spec: Mapping[str, Any]) -> dict[str, str]:
+    """The states that others depend on and whose first value nothing else says → their units, of ``[model]``.
+
+    Examples
+    --------
+    >>> states_with_unit(table_of("capacitor")["model"])
+    {'v': 'V'}
+    """
+    texts = [(n, str(row)) for part in ("definitions", "equations", "outputs") for n, row in spec.get(part, {}).items()]
+    units = {n: row["unit"] for n, row in spec["equations"].items() if row.keys() & {"unit", "only"} == {"unit"}}
+    return {n: u for n, u in sorted(units.items()) if any(re.search(rf"\b{n}\b", text) for k, text in texts if k != n)}
 
 
 class _ModelPage:
@@ -170,7 +178,8 @@ class _ModelPage:
         return {n: c | ({} if n in said else self.guessed.get(n, {})) for n, c in self.columns.items()}
 
     def _recording_of(self, source: Source, columns: Columns) -> Recording:
-        file, recording = source.file, source.fit(_channels(columns))
+        read = {n: {k: v for k, v in c.items() if k not in (*QUANTITIES, "between")} for n, c in columns.items()}
+        file, recording = source.file, source.fit(read)
         refuse_other_clock(recording, source, (self.model.pendulum,))
         if len(recording.time) < FEWEST:
             raise InputError(f"{file.name} has {len(recording.time)} samples; expected {FEWEST} or more.")
@@ -378,14 +387,9 @@ class _ModelPage:
     @cached_property
     def near(self) -> dict[str, str]:
         """State that nothing measures and others depend on → the output near whose first sample it begins, or ""."""
-        m, spec = self.model, self.table["model"]
-        alike = {m.output_unit(n): n for n in self.outputs if "gain" not in self.columns[n]}
-        told = {m.derived[n][0] if n in m.derived else n for n in self.columns}
-        parts = [spec.get(part, {}) for part in ("definitions", "equations", "outputs")]
-        texts = [(n, str(row)) for part in parts for n, row in part.items()]
-        units = {n: row["unit"] for n, row in spec["equations"].items() if row.keys() & {"unit", "only"} == {"unit"}}
-        felt = [n for n in units.keys() - told if any(re.search(rf"\b{n}\b", text) for k, text in texts if k != n)]
-        return {n: alike.get(units[n], "") for n in sorted(felt)}
+        alike = {self.model.output_unit(n): n for n in self.outputs if "gain" not in self.columns[n]}
+        told = {self.model.derived.get(n, (n,))[0] for n in self.columns}
+        return {n: alike.get(unit, "") for n, unit in states_with_unit(self.table["model"]).items() if n not in told}
 
     def begins(self, recording: Recording) -> Iterator[tuple[str, float, float]]:
         """Those states, with that first sample and how far it and 0 are apart."""

@@ -62,8 +62,8 @@ def load_recording(
         The part to keep [s], both included; `start` may be ``"release"``.
     resample : optional
         True for a uniform grid of the recording's own step, a number for that step [s], ``"needed"`` for
-        True only where time jitters by more than 1 % of a step or has gaps.  ``"uneven"`` says that samples are meant
-        to lie unevenly: a fit takes them where they are.
+        True only where time jitters by more than 1 % of a step or has gaps, and samples do not crowd in a part of the
+        record.  ``"uneven"`` says that samples are meant to lie unevenly: a fit takes them where they are.
     name : str, optional
         None is the file's name without its ending.
     variable : str, optional
@@ -116,7 +116,7 @@ def resampled(recording: Recording, resample: bool | float | str | None) -> Reco
     if not (isinstance(resample, Real | None) or (isinstance(resample, str) and resample in ("needed", "uneven"))):
         raise InputError(SAYS("other-resample", resample=brief(resample)))
     off = isinstance(resample, bool) and not resample
-    if off or resample in (None, "uneven") or (resample == "needed" and recording.step is not None):
+    if off or resample in (None, "uneven") or (resample == "needed" and (recording.uneven or recording.step)):
         return recording
     return recording.resample(None if resample in (True, "needed") else float(resample))
 
@@ -175,12 +175,13 @@ def inspect_recording(
         report = measure(clock, values, units, (*reading, *(s for s in said if isinstance(s, str))), uneven=uneven)
         values |= {n: np.full(clock.size, value) for n, (value, _) in fixed.items()}
         findings = (*source.findings, *dead, *(one for one in said if isinstance(one, Finding)), *report.findings)
-        return Recording(
+        read = Recording(
             name or path.stem, path, digest, read_only(clock), signals={n: read_only(x) for n, x in values.items()},
             units=units | {n: unit for n, (_, unit) in fixed.items()},
             report=replace(report, findings=findings), assumed=assumed | unsaid,
             held=frozenset(n for n, c in channels.items() if c.fill == "hold"),
-        ).between_edges()  # fmt: skip
+        )  # fmt: skip
+        return read if uneven else read.between_edges()
 
     whole = recording(channels, {})
     guessed = _guesses(whole, table, channels, columns is not None) if guess_units else {}

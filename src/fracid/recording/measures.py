@@ -40,6 +40,9 @@ UNIFORM = 0.01
 GAP = 1.5
 """A difference of time above this many steps is a gap."""
 
+CROWDED = 3.0
+"""Samples of one quarter of a recording that lie so much closer than those of another are meant to."""
+
 
 @dataclass(frozen=True)
 class Clock:
@@ -60,6 +63,8 @@ class Clock:
     """Stamps that repeat the one before [s]."""
     backward: tuple[tuple[int, float, float], ...]
     """(row, counted from 1, its stamp, the one before) of stamps that lie before the one before [s]."""
+    crowded: bool = False
+    """Whether samples crowd in a quarter of the recording, as those of a relaxation do."""
 
     @property
     def rate(self) -> float:
@@ -124,6 +129,7 @@ def measure_clock(time: FloatArray) -> Clock:
     step = float(np.median(dt[dt > 0])) if np.any(dt > 0) else math.nan
     gap = dt > GAP * step
     even = dt[(dt > 0) & ~gap]
+    quarters = [float(np.median(part)) for part in np.array_split(dt, 4) if part.size]
     return Clock(
         samples=time.size, duration=float(time[-1] - time[0]) if time.size else 0.0, step=step,
         jitter=float(np.std(even)) if even.size else math.nan,
@@ -131,6 +137,7 @@ def measure_clock(time: FloatArray) -> Clock:
         gaps=tuple((float(t), round(float(d), 9)) for t, d in zip(time[:-1][gap], dt[gap], strict=True)),
         duplicated=tuple(map(float, time[1:][dt == 0])),
         backward=tuple((k + 2, float(time[k + 1]), float(time[k])) for k in np.flatnonzero(dt < 0).tolist()),
+        crowded=max(quarters, default=0.0) > CROWDED * min(quarters, default=0.0),
     )  # fmt: skip
 
 

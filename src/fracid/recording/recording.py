@@ -50,7 +50,7 @@ class Recording(CardDisplay):
 
     @property
     def uneven(self) -> bool:
-        """Whether its samples are meant to lie unevenly: ``resample="uneven"`` of :func:`fracid.load_recording`."""
+        """Whether its samples are meant to lie unevenly: they crowd, or ``resample="uneven"`` says so."""
         return self.report.uneven
 
     @property
@@ -168,10 +168,8 @@ class Recording(CardDisplay):
         grid = self.time[0] + h * np.arange(int(clock.duration / h * (1 + 1e-12)) + 1)
         signals = {n: step_means(self.time, x, h, len(grid)) if n in self.held else np.interp(grid, self.time, x)
                    for n, x in self.signals.items()}  # fmt: skip
-        gaps = "".join(
-            f" The gap of {with_time_unit(g, '.3g')} after {t:.4g} s was bridged by a line."
-            for t, g in sorted(clock.gaps, key=lambda gap: -gap[1])[:5]
-        )
+        longest = sorted(clock.gaps, key=lambda gap: -gap[1])[:5]
+        gaps = "".join(SAYS("gap-bridged", gap=with_time_unit(g, ".3g"), after=t) for t, g in longest)
         more = f" So were {len(clock.gaps) - 5} more gaps." if len(clock.gaps) > 5 else ""
         hold_note = f" ({', '.join(sorted(self.held))}: last value held)" if self.held else ""
         how = f"Resampled to a step of {with_time_unit(h)} by linear interpolation{hold_note}.{gaps}{more}"
@@ -198,7 +196,7 @@ class Recording(CardDisplay):
         >>> sampled.report.clock.uniform, bool(abs(error).max() < 0.5)
         (True, True)
         """
-        if not (counts := {} if self.uneven else counts_at_edges(self.time, self.signals)):
+        if not (counts := counts_at_edges(self.time, self.signals)):
             return self
         time, signals = between_edges(self.time, self.signals, counts)
         note = Note(SAYS("edges", count=len(self.time), counts=' or '.join(counts), ms=1e3 * (time[1] - time[0])),

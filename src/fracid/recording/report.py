@@ -151,7 +151,8 @@ class Report:
             more = f" (and {len(others)} more)" if others else ""
             return f"unfit: {first.split('. ')[0].rstrip('.')}{more}"
         how = "set in motion by its input" if with_code([self.release_reason], "by-input") else "released"
-        released = f"{how} at {self.release:.3f} s" if self.release is not None else "no release found"
+        unfound = "no release found" * any(s.unit == "rad" for s in self.signals)
+        released = f"{how} at {self.release:.3f} s" if self.release is not None else unfound
         end = "ends at rest" if all(s.at_rest for s in self.signals) else "ends in motion"
         jitter = f"jitter {100 * c.worst_jitter:.2g} %" if c.worst_jitter > UNIFORM and not self.uneven else ""
         gaps = f"{len(c.gaps)} gap{'s' * (len(c.gaps) > 1)}" if c.gaps and not self.uneven else ""
@@ -164,7 +165,7 @@ class Report:
         against = ["resampled"] if self.resampled else filter(None, (few, jitter, gaps, blanks, *findings))
         at = "of uneven steps" if self.uneven else f"at {c.rate:.5g} Hz"
         length = f"{c.samples} samples, {c.duration:.2f} s {at}"
-        return f"{self.level}: {length}, {released}, {end}; {', '.join(against)}".rstrip("; ")
+        return f"{self.level}: {', '.join(filter(None, (length, released, end)))}; {', '.join(against)}".rstrip("; ")
 
     def of_model(self, inputs: Collection[str]) -> Report:
         """Leave out what is no fault of a model's inputs: they do not move as what has inertia, and nobody lets go.
@@ -191,17 +192,19 @@ class Report:
         >>> measure(t, {"alpha": np.cos(t)}, {"alpha": "rad"}).rows()[0]
         ('samples', '100')
         """
-        c = self.clock
+        c, gaps = self.clock, () if self.uneven else self.clock.gaps
         jitter = f"{c.jitter * 1e6:.3g} µs standard deviation, at most {100 * c.worst_jitter:.2g} % of a step"
-        blocks = f"{self.release:.3f} s" if self.release is not None else "none"
-        return [
+        begins = f"{self.release:.3f} s" if self.release is not None else "none"
+        what = "motion" if with_code([self.release_reason], "by-input") else "release"
+        rows = [
             ("samples", str(c.samples)),
             ("duration", f"{c.duration:.6g} s"),
             ("rate", f"{c.rate:.6g} Hz (step {with_time_unit(c.step)})" if c.step > 0 else "unknown"),
-            ("jitter", jitter if c.worst_jitter > 1e-6 else "none"),
-            ("gaps", f"{len(c.gaps)}, {sum(g for _, g in c.gaps):.4g} s in all" if c.gaps else "none"),
-            ("release", f"{blocks}: {self.release_reason}"),
+            ("jitter", SAYS("uneven") if self.uneven else jitter if c.worst_jitter > 1e-6 else "none"),
+            ("gaps", f"{len(gaps)}, {sum(g for _, g in gaps):.4g} s in all" if gaps else "none"),
+            (what, f"{begins}: {self.release_reason}"),
         ]
+        return rows if self.release is not None or any(s.unit == "rad" for s in self.signals) else rows[:-1]
 
     def signal_rows(self, factors: Mapping[str, float] | None = None) -> list[dict[str, str]]:
         """Return one row of texts for each signal; angles in degrees, those in doubt as numbers, with their `factors`.
@@ -256,7 +259,7 @@ def measure(
     bridged
         From when to when a gap was bridged [s]: what is there is no sample, and has no faults.
     uneven
-        Whether samples are meant to lie unevenly: what is told by their steps is not asked.
+        Whether samples are meant to lie unevenly, as those that crowd are: what is told by their steps is not asked.
 
     Returns
     -------
@@ -271,12 +274,10 @@ def measure(
     """
     clock = measure_clock(time)
     disorder = bool(clock.duplicated or clock.backward)
-    uneven = uneven and not clock.uniform
+    uneven = (uneven or clock.crowded) and not clock.uniform
     sound = signals if uneven or disorder else without_dropouts(signals, dropouts(time, signals, units))
-    if disorder or clock.samples < 2:
-        release, reason = None, "time does not increase"
-    else:
-        release, reason = release_time(time, swinging(sound, units))
+    ordered = not disorder and clock.samples > 1
+    release, reason = release_time(time, swinging(sound, units)) if ordered else (None, "time does not increase")
     driven = release is not None and _driven(time, signals, units, release)
     if driven:  # nobody let go
         reason = Note(f"{reason}, then an input moves it", "by-input")
@@ -362,7 +363,7 @@ def _clock_warnings(c: Clock, uneven: bool) -> Iterable[str]:
         more = f" and {len(c.gaps) - 3} shorter" if len(c.gaps) > 3 else ""
         yield f"samples are missing in {len(c.gaps)} gap{'s' * (len(c.gaps) > 1)} ({gaps}{more})"
     if c.worst_jitter > UNIFORM:
-        yield f"the step jitters by up to {100 * c.worst_jitter:.2g} %: a fit resamples it to a uniform grid"
+        yield SAYS("jitters", percent=100 * c.worst_jitter)
 
 
 def _missing_fault(s: SignalReport) -> str:
@@ -414,8 +415,10 @@ def _as_numbers(s: SignalReport, factor: float) -> SignalReport:
 def _signal_row(s: SignalReport) -> dict[str, str]:
     show = _degrees if s.unit.startswith("rad") else "{:.4g}".format
     end = {"rad": "°", "rad/s": "°/s", "1": ""}.get(s.unit, f" {s.unit}")
-    half_turn = s.rest_offset is not None and abs(s.rest) > 1.5
-    offset = f" ({show(s.rest_offset or 0.0)}{end} off {_pi(s.rest)})" if half_turn else ""
+    half_turn = s.rest_offset is not None and abs(s.rest_offset) < 0.5 < abs(s.rest)
+    turns = round(s.rest / math.pi)
+    whole = {1: "π", -1: "−π"}.get(turns, f"{turns}π")
+    offset = f" ({show(s.rest_offset or 0.0)}{end} off {whole})" if half_turn else ""
     lattice = f"{s.counts_per_turn}/turn" if s.counts_per_turn else f"{show(s.resolution or 0.0)}{end}"
     return {
         "signal": shortened(s.name),
@@ -429,8 +432,3 @@ def _signal_row(s: SignalReport) -> dict[str, str]:
 def _degrees(value: float) -> str:
     degrees = math.degrees(value)
     return f"{degrees:.1f}" if abs(degrees) >= 100 else f"{degrees:.3g}" if abs(degrees) > 1e-9 else "0"
-
-
-def _pi(value: float) -> str:
-    turns = round(value / math.pi)
-    return {0: "0", 1: "π", -1: "−π"}.get(turns, f"{turns}π")

@@ -170,7 +170,10 @@ def regress_equations(problem: Problem) -> Regression:
     equations = [r for e in problem.experiments for r in _rows(problem, e, unknown, 1.0)]
     for _, residual in equations:
         unknown = linear_in(residual, unknown, at, places)
-    held = [n for n in names if n not in unknown]
+    here = [(residual, residual(at)) for _, residual in equations]
+    idle = [n for n in unknown if all(np.array_equal(r(_moved(at, {places[n]: 1.0})), before) for r, before in here)]
+    held = {"the equations are not linear in": [n for n in names if n not in unknown], "no equation depends on": idle}
+    unknown = [n for n in unknown if n not in idle]
     if not unknown or not equations:
         raise InputError(SAYS("not-linear", model=model, names=", ".join(names) or "none is free"))
     longer = [r for e in problem.experiments for r in _rows(problem, e, unknown, STEEPER)]
@@ -186,8 +189,8 @@ def regress_equations(problem: Problem) -> Regression:
     constants = constants_of(units, gauge, v, bias, covariance=covariance, dependent={})
     errors = np.hypot(np.sqrt(np.diag(covariance)), bias).tolist()
     wider = {n: replace(c, standard_error=e) for (n, c), e in zip(constants.items(), errors, strict=True)}
-    one = "it" if len(held) == 1 else "them"
-    note = [f"{', '.join(held)}: the equations are not linear in {one}; held at the project's start."] if held else []
+    note = [f"{', '.join(which)}: {why} {'it' if len(which) == 1 else 'them'}; held at the project's start."
+            for why, which in held.items() if which]  # fmt: skip
     if problem.orders:
         note.append(f"{', '.join(problem.orders)}: held at the start; fracid fit searches orders.")
     first = problem.experiments[0]

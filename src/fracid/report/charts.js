@@ -55,6 +55,15 @@ const powers = (u, ticks) => ticks.map(v => {
   return Math.abs(Math.log10(v) - k) > 1e-9 ? "" : Math.abs(k) < 3 ? round(v, 3) : `10${raised(k)}`;
 });
 
+// Half of the last label below a plot, which may stand at its very end; of a plot without labels as if it had them.
+function half({ ctx, axes: [{ _splits }] }) {
+  ctx.save();
+  ctx.font = "12px system-ui, sans-serif";
+  const { width } = ctx.measureText(round((_splits || [0]).at(-1), 6));
+  ctx.restore();
+  return Math.ceil(width / 2) + 2;
+}
+
 const KINDS = {
   measured: { colour: "measured", width: 3 },
   fitted: { colour: "fitted", width: 1.25 },
@@ -137,7 +146,7 @@ class Chart {
         }),
       ],
       legend: { show: false },
-      padding: [6, spec.right && spec.right.length ? 0 : spec.room || 10, 0, 0],
+      padding: [6, spec.right && spec.right.length ? 0 : u => Math.max(spec.room || 10, half(u)), 0, 0],
       cursor: { drag: { x: true, y: false, setScale: true }, y: false, points: { size: 7 } },
       hooks: {
         drawClear: [u => this.bands(u, band => band.kind !== "band")],

@@ -5,7 +5,7 @@ The SVG takes its colours from the classes of ``page.css``, so it follows the th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, floor, log10
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 from markupsafe import Markup
 
 from fracid.arrays import FloatArray, extremes
-from fracid.report.drawing import drawn
+from fracid.report.drawing import drawn, tick
 from fracid.report.samples import base64_floats
 
 LEFT, RIGHT, TOP, BOTTOM = 58.0, 66.0, 6.0, 40.0
@@ -214,7 +214,7 @@ def still(chart: Chart, width: int = 720, points: int = 900, room: float = 12.0)
     points : int
         At most so many of a line.
     room : float
-        To the right of the plot [px], where it has no axis there: those below each other end at one place.
+        To the right of the plot [px] at least, where it has no axis there: those below each other end at one place.
 
     Returns
     -------
@@ -228,9 +228,11 @@ def still(chart: Chart, width: int = 720, points: int = 900, room: float = 12.0)
     >>> text.startswith('<svg class="still"'), "<swing>" in text, "&lt;swing&gt;" in text
     (True, False, True)
     """
-    right = RIGHT if chart.right else room
     bottom = chart.height - (BOTTOM if chart.xlabel else 20.0)
-    x = Axis(*_bounds([chart.x], chart.logx, 0.0), LEFT, width - right, chart.logx)
+    x = Axis(*_bounds([chart.x], chart.logx, 0.0), LEFT, width - room, chart.logx)
+    halves = [3.5 * len(tick(v, x.log)) + 1.0 for v in x.ticks(70)[-1:]]  # of the last label
+    right = RIGHT if chart.right else max(room, *halves)
+    x = replace(x, end=width - right)
     ends = chart.yrange or _bounds([s.y for s in chart.series], chart.logy, 0.05)
     y = Axis(*ends, bottom, TOP + KEYS * (len(chart.series) > 1), chart.logy)
     lines = Markup("".join(_path(chart.x, s, x, y, points=points) for s in chart.series))

@@ -6,6 +6,7 @@ const Drafting = (() => {
   const TIME = /(^|[^a-z])(t|time|timestamp|stamp|seconds?|secs?|zeit)([^a-z]|$)/;
   const NAMELESS = /^(col(umn)?|ch(annel)?|sig(nal)?|data|var|val(ue)?|sensor|adc|enc(oder)?|[a-z])?[ _:.-]*\d*$/;
   const FALLING = [0.02, 0.15];                          // of the way to the fastest motion
+  const JITTER = 0.02, FEW = 20000;                      // of half of the steps, of the step: they are no grid; in so few samples
   const JUMP = 0.125, EVEN = 10, MOST = 0.5;             // of the range, of its neighbours, of all squares: a step that is a jump
   const TURN = 2 * Math.PI, DEGREE = Math.PI / 180;
 
@@ -94,12 +95,14 @@ const Drafting = (() => {
     return end.at(-1) - end[0] < 0.1 * whole && Math.abs(middle) > 2 * DEGREE ? Number(middle.toPrecision(6)) : 0;
   }
 
-  // Everything that the page guesses of a table: what its reader may correct.
+  // Everything that the page guesses of a table: what its reader may correct; null where no model has columns of these names.
   function guess(table, specs, units, wanted = null) {
     const time = timeOf(table, units), names = table.names.map((name, c) => (c === time.column ? "" : name)), found = wanted ? { name: wanted, roles: rolesOf(specs[wanted], names) } : modelOf(specs, names);
+    const silent = names.every(n => NAMELESS.test(n.toLowerCase()));
+    if (!found && !silent) return null;
     const model = found ? found.name : "rotary-pendulum", spec = specs[model], signals = {};
     let { roles = {} } = found || {};
-    if (!spec.outputs.some(o => o.name in roles) && (wanted || names.every(n => NAMELESS.test(n.toLowerCase())))) { // by how they move
+    if (!spec.outputs.some(o => o.name in roles)) {      // by how they move
       const moving = table.columns.map((y, c) => ({ c, range: c === time.column ? 0 : spread(y) })).filter(({ range }) => range > 0).sort((a, b) => b.range - a.range);
       roles = Object.fromEntries([...spec.outputs].reverse().map((o, k) => [o.name, moving[k] && moving[k].c]).filter(([, c]) => c !== undefined));
     }
@@ -139,6 +142,13 @@ const Drafting = (() => {
     return Object.fromEntries(moving.map(name => [name, volts(name) || jumps(t, values(name)) ? "hold" : "line"]));
   }
 
+  // Whether stamps are no grid, so that straight lines between samples are not the motion.
+  function jitters(table, units, { time, from, to }) {
+    const { t } = Preview.clock(table, { column: time.column, rate: time.rate, factor: units.time[time.unit].factor }), part = t.filter(v => v >= from && v <= to);
+    const dt = part.slice(1).map((v, n) => v - part[n]), step = Preview.median(dt);
+    return dt.length > 0 && dt.length < FEW && Preview.median(dt.map(d => Math.abs(d - step))) > JITTER * step;
+  }
+
   // --- the project
 
   const BETWEEN = {
@@ -161,8 +171,8 @@ const Drafting = (() => {
   // Down and up to three digits, so that the start stays between.
   const around = (start, lower, upper) => [Math.min(start, Number(lower.toPrecision(3))), Math.max(start, Number(upper.toPrecision(3)))].map(Number);
 
-  function project(table, spec, setup, { values, free, fixedOrders, rmse, units }) {
-    const { time, signals } = setup, between = betweenOf(table, spec, units, setup), shown = spec.outputs.filter(o => o.name in signals), stem = table.name.replace(/\.[^.]*$/, "").slice(0, 60) || "recording";
+  function project(table, spec, setup, { values, free, fixedOrders, rmse, units, unknowns = [] }) {
+    const { time, signals } = setup, between = betweenOf(table, spec, units, setup), near = unknowns.filter(u => u.near), windowed = spec.rigs && Object.keys(between).length > 0, shown = spec.outputs.filter(o => o.name in signals), stem = table.name.replace(/\.[^.]*$/, "").slice(0, 60) || "recording";
     const parts = [[
       `# Drafted in a browser, a preview: ${comment(rmse)}; no interval, no claim.`, "#", "# Look at every line, then:   fracid fit THIS-FILE",
     ], [
@@ -172,7 +182,7 @@ const Drafting = (() => {
       const v = values.parameters[p.name], why = `${p.about} [${p.unit}]`;
       if (!free.has(p.name)) return p.gauge || p.free === "always" ? [line(p.name, number(v), why)] : [];
       if (p.rest) return [];                             // each recording has its own
-      const size = Math.max(Math.abs(v), p.size), [low, high] = p.lowest !== undefined ? [p.lowest, p.highest] : p.friction ? [0, 10 * size] : v === 0 || p.signed ? [-10 * size, 10 * size] : v > 0 ? [v / p.span, v * p.span] : [v * p.span, v / p.span];
+      const size = Math.max(Math.abs(v), p.size), [low, high] = p.lowest !== undefined ? [p.lowest, p.highest] : p.friction || p.lower === 0 ? [0, 10 * size] : p.value === 0 || v === 0 || p.signed ? [-10 * size, 10 * size] : v > 0 ? [v / p.span, v * p.span] : [v * p.span, v / p.span];
       const [lower, upper] = around(Number(v.toPrecision(6)), Math.max(low, p.lower ?? -Infinity), Math.min(high, p.upper ?? Infinity));
       return [range(p.name, v, lower, upper, why)];
     })], ["[model.orders]                          # 1.0 is the integer-order model", ...spec.orders.map(q => (q.name in fixedOrders
@@ -182,10 +192,12 @@ const Drafting = (() => {
       ...(table.variable ? [line("variable", text(table.variable))] : []),
       line("time", time.rate ? `{ rate = ${number(time.rate, 12)} }` : `{ column = ${columnOf(table, time.column)}, unit = ${text(time.unit)} }`),
       ...Object.entries(signals).map(([name, s]) => line(key(name), `{ column = ${columnOf(table, s.column)}, unit = ${text(s.unit)}${s.unit === "counts" ? `, counts_per_turn = ${s.counts}` : ""}${s.zero ? `, zero = ${number(s.zero)}` : ""}${between[name] ? `, between = ${text(between[name])}` : ""} }`, BETWEEN[between[name]])),
+      ...(near.length ? [line("initial", `{ ${near.map(u => `${spec.program.states[u.name]} = { start = ${number(values.initial[u.name])}, lower = ${number(Math.min(u.start, values.initial[u.name]) - u.near, 4)}, upper = ${number(Math.max(u.start, values.initial[u.name]) + u.near, 4)} }`).join(", ")} }`, "estimated too: nothing measures it directly")] : []),
+      ...(jitters(table, units, setup) && !windowed ? [line("resample", text("uneven"), "samples stay where they are: straight lines between them are not the motion")] : []),
       ...(setup.held ? [line("from", text("release"), `found at ${number(setup.from, 5)} s`), line("release_time", `{ start = 0.0, lower = ${-RELEASE}, upper = ${RELEASE} }`, "[s] of the release after that sample; it lies between two")] : [line("from", number(setup.from, 12), "[s]")]),
       line("to", number(setup.to, 12), "[s]"), line("use", text("fit"), 'or "validate": held out for validation'),
     ], [
-      "[fit]", line("outputs", `[${shown.map(o => text(o.name)).join(", ")}]`), setup.held ? line("initial_state", text("rest"), "held before the release; estimate, if the hand moved it") : line("initial_state", text("estimate"), "angles and speeds at the start are found too"),
+      "[fit]", line("outputs", `[${shown.map(o => text(o.name)).join(", ")}]`), ...(setup.held ? [line("initial_state", text("rest"), "held before the release; estimate, if the hand moved it")] : []),
       ...(new Set(shown.map(o => o.unit)).size > 1 ? [line("weights", text("noise"), "outputs of different units count by their noise")] : []),
       ...(spec.parameters.some(p => p.rest && free.has(p.name)) ? [line("per_recording", `[${spec.parameters.filter(p => p.rest && free.has(p.name)).map(p => text(p.name)).join(", ")}]`, "where it rests differs from recording to recording")] : []),
     ]];

@@ -2,7 +2,7 @@
 // Explore: orders and frictions under sliders, and behind them the model, simulated anew by fracid's solver (Fracid).
 
 const FRAME = 33; // ms: as long as a picture may take
-const AGREES = 1e-6; // of the swing: the page's solver against fracid's curve
+const AGREES = 1e-6; // of the largest value: the page's solver against fracid's curve
 
 const largest = values => values.reduce((most, v) => (Math.abs(v) > most ? Math.abs(v) : most), 0);
 
@@ -116,7 +116,7 @@ class Explore {
   refuse(off) {
     element("explore").querySelectorAll(".explore, .scores, #explore-text, .controls button").forEach(e => { e.hidden = true; });
     const said = element("explore-intro");
-    said.textContent = `This recording cannot be explored: the page's solver differs from fracid's by ${round(off, 2)} of the swing, more than rounding.`;
+    said.textContent = `This recording cannot be explored: the page's solver differs from fracid's by ${round(off, 2)} of the largest value, more than rounding.`;
   }
 
   // All as the fit has it.
@@ -270,7 +270,7 @@ class Explore {
     this.zooming = true;
     for (const chart of this.charts) chart.zoom(...view);
     this.zooming = false;
-    element("explore-view").textContent = view[1] < end ? "Whole recording" : "First swings";
+    element("explore-view").textContent = view[1] < end ? "Whole recording" : "Beginning";
   }
 
   // One chart was zoomed: the others follow.
@@ -333,7 +333,7 @@ class Explore {
     const away = this.outputs.findIndex((o, k) => this.rmse[k] > 3 * largest(r.measured[k]));
     const how = run.completed && away >= 0 ? `With these values the simulation leaves the recording: ${this.outputs[away].letter} reaches ${round(largest(this.curves[away]), 2)}${this.outputs[away].unit}.`
       : !run.completed ? `The run leaves its limits after ${seconds} s.`
-      : whole ? `${r.steps.toLocaleString("en")} steps of ${inTime(r.step)}, simulated in ${Math.ceil(run.took)} ms.${this.preview ? "" : ` At the best fit this solver and fracid agree to ${power(this.agreement)} of the swing.`}`
+      : whole ? `${r.steps.toLocaleString("en")} steps of ${inTime(r.step)}, simulated in ${Math.ceil(run.took)} ms.${this.preview ? "" : ` At the best fit this solver and fracid agree to ${power(this.agreement)} of the largest value.`}`
         : `While you drag: the first ${seconds} s; all of it when you let go.`;
     element("explore-said").textContent = (this.note ? `${this.note} ` : "") + how + part;
   }

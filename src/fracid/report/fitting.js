@@ -211,13 +211,17 @@ const Preview = (() => {
       const value = parameters[p.name], size = Math.abs(value) || p.size, [lower, upper] = boundsOf(p, value);
       return { kind: "parameters", name: p.name, start: value, lower, upper, width: size, late: p.lowest !== undefined };
     });
-    const initial = spec.initial.filter(({ output }) => !r.held || output).map(({ state, output }) => {
-      const k = r.shown.findIndex(o => o.name === output), range = Math.max(...r.range), size = k < 0 ? range * 2 * Math.PI / (r.period * r.step) : r.range[k];
-      return { kind: "initial", name: state, start: k < 0 ? 0 : r.measured[k][0], lower: -Infinity, upper: Infinity, width: size };
+    const initial = spec.initial.filter(({ output }) => !r.held || output).map(({ state, output, unit }) => {
+      const own = r.shown.findIndex(o => o.name === output), k = own < 0 ? r.shown.findLastIndex(o => o.unit === unit) : own;
+      const range = Math.max(...r.range), first = k < 0 ? 0 : r.measured[k][0], size = k < 0 ? range * 2 * Math.PI / (r.period * r.step) : r.range[k];
+      return { kind: "initial", name: state, start: first, lower: -Infinity, upper: Infinity, width: size, near: own < 0 && k >= 0 ? reach(r.measured[k]) : null };
     });
     const release = r.held ? [{ kind: "release", name: "release", start: 0, lower: -r.reach, upper: r.reach, width: r.step }] : [];
     return [...orders, ...constants, ...initial, ...release];
   }
+
+  // How far the values and 0 are apart.
+  const reach = y => y.reduce((most, v) => Math.max(most, v), 0) - y.reduce((least, v) => Math.min(least, v), 0);
 
   // Between what a constant is sought: what has a sign keeps it.
   function boundsOf(p, value) {

@@ -50,16 +50,27 @@ class Page {
     this.table = table;
     element("file-said").textContent = `${table.name}: ${table.rows.toLocaleString("en")} rows, ${listed(table.names)}${table.said ? `; ${table.said}` : ""}.`;
     element("guess").hidden = false;
-    this.take(this.linked(Drafting.guess(table, DATA.models, DATA.units)));
-    this.fit();
+    const setup = this.linked(Drafting.guess(table, DATA.models, DATA.units));
+    this.take(setup);
+    if (setup) this.fit();
   }
 
   // --- what it is
 
   get spec() { return DATA.models[this.setup.model]; }
 
+  // Nobody knows what it is: a model is chosen, or there is none for it.
+  ask() {
+    this.stop();
+    element("model").value = "";
+    element("about").textContent = "No model of the library has columns of these names. Choose one and say what its columns are, or write the equations of your own in a project.";
+    for (const id of ["rig-choice", "chosen", "found", "explore", "project"]) element(id).hidden = true;
+  }
+
   take(setup) {
+    if (!setup) { this.ask(); return; }
     this.setup = setup;
+    element("chosen").hidden = false;
     element("model").value = setup.model;
     element("about").textContent = this.spec.about;
     element("rig-choice").hidden = !this.spec.rigs;
@@ -226,7 +237,7 @@ class Page {
       return tr;
     }));
     this.explore(found, setup);
-    this.text = Drafting.project(this.table, spec, this.setup, { values: found.values, free: setup.free, fixedOrders: setup.fixedOrders, rmse: `RMSE ${listed(errors)}`, units: DATA.units });
+    this.text = Drafting.project(this.table, spec, this.setup, { values: found.values, free: setup.free, fixedOrders: setup.fixedOrders, rmse: `RMSE ${listed(errors)}`, units: DATA.units, unknowns: found.unknowns });
     const stem = this.table.name.replace(/\.[^.]*$/, "").replace(/[^\w.-]+/g, "-").slice(0, 60) || "recording";
     Object.assign(this, { projectName: `${stem}.toml` });
     element("command").textContent = `fracid fit ${this.projectName}`;

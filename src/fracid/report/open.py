@@ -18,8 +18,7 @@ from fracid.export.javascript import program_of, solver
 from fracid.models import MODELS, RIGS, Model, model
 from fracid.models.library import table_of
 from fracid.models.written.languages import JavaScript
-from fracid.problem import Experiment, Free, Problem
-from fracid.problem.model_draft import SPAN
+from fracid.problem.model_draft import SPAN, states_with_unit
 from fracid.problem.roles import ROTARY
 from fracid.recording.channel import TABLES
 from fracid.recording.readers.table import Table, read_table
@@ -81,8 +80,7 @@ def open_page_text(table: Mapping[str, Any] | None = None) -> str:
     """
     found = {name: model(name) for name in (ROTARY, *(n for n in MODELS if n != ROTARY))}
     scripts = [Markup(solver()), *SCRIPTS, Markup(_written(found)), "open.js"]
-    units = {"signal": TABLES["signal"], "time": TABLES["time"]}
-    data = {"models": {name: _spec(name, m) for name, m in found.items()}, "units": units, "table": table}
+    data = {"models": {name: _spec(name, m) for name, m in found.items()}, "units": TABLES, "table": table}
     return rendered("open.html.j2", scripts, more_styles=("open.css",), title="Open a recording", data=in_script(data),
                     explore_reason="", preview=True)  # fmt: skip
 
@@ -118,6 +116,9 @@ def _spec(name: str, m: Model) -> dict[str, Any]:
     """What the page must know of a model."""
     table = table_of(name)
     scene, outputs = m.scene, {i: n for n, i in m.output_states.items()}
+    units = {} if "without" in table else states_with_unit(table["model"])
+    measured = {*m.output_states.values()}
+    sought = measured | {m.rates[i] for i in measured & m.rates.keys()}  # what a fit estimates of the start
     return {
         "about": m.about,
         "zero": m.zero,
@@ -126,7 +127,8 @@ def _spec(name: str, m: Model) -> dict[str, Any]:
         "inputs": [{"name": n, "unit": m.input_unit(n),
                     "value": m.input_defaults.get(n, 0.0), "rateOf": m.input_rates.get(n)} for n in m.inputs],
         "outputs": [_output(m, n, k) for k, n in enumerate(m.shown)],
-        "initial": [{"state": m.states.index(s), "output": outputs.get(m.states.index(s))} for s in _sought_states(m)],
+        "initial": [{"state": i, "output": outputs.get(i), "unit": units.get(s)}
+                    for i, s in enumerate(m.states) if i in sought or s in units],
         "parameters": list(_parameters(table, m)),
         "columns": table["columns"],
         "needs": table["needs"],
@@ -151,13 +153,6 @@ def _output(m: Model, name: str, place: int) -> dict[str, Any]:
             "state": m.output_states.get(name), "place": place}  # fmt: skip
 
 
-def _sought_states(m: Model) -> list[str]:
-    """The states whose first values a fit estimates."""
-    still = Experiment("still", 0.01, np.zeros((9, len(m.outputs))), np.zeros((1, max(1, len(m.inputs)))))
-    orders = {q["name"]: Free(q["start"], q["low"], q["high"]) for q in (_order(m, n) for n in m.order_names)}
-    return [u.target for u in Problem(m, (still,), orders, initial_state="estimate").unknowns if u.kind == "initial"]
-
-
 def _parameters(table: Mapping[str, Any], m: Model) -> Iterator[dict[str, Any]]:
     """Each with where it is free: always, where the rig is driven, or never."""
     for p in m.parameters:
@@ -166,13 +161,13 @@ def _parameters(table: Mapping[str, Any], m: Model) -> Iterator[dict[str, Any]]:
             free = row["free"]
         elif row.get("known") or row.get("needs") or p.name.startswith(("springpot_order", "stribeck_speed")):
             free = "never"
-        elif p.value == 0.0:
+        elif p.value == (0.0 if kind is None else kind.off):
             free = "always" if kind is not None and kind.dry and p.name.startswith("coulomb") else "never"
         else:
             free = "driven" if row.get("gauge") else "always"
-        finite = {n: v for n, v in (("lower", p.lower), ("upper", p.upper)) if np.isfinite(v)}
         yield {
-            "name": p.name, "unit": p.unit, "value": p.value, "about": p.description, "free": free, **finite,
+            "name": p.name, "unit": p.unit, "value": p.value, "about": p.description, "free": free,
+            **{n: v for n, v in (("lower", p.lower), ("upper", p.upper)) if np.isfinite(v)},
             **dict(zip(("lowest", "highest"), row.get("between", ()), strict=False)),
             # About how large a constant is that the library has as 0.
             "size": abs(p.value) or (0.05 if p.name.endswith("_rest") else 1e-3),

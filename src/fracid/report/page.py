@@ -47,6 +47,7 @@ from fracid.selection.doubts import in_motion, unsaid
 from fracid.units import letter, number
 from fracid.validation.discretisation import COARSE_STEP
 from fracid.validation.residual_analyses import Analyses
+from fracid.validation.residual_sentences import words_of
 from fracid.words import Sentences
 
 SAYS = Sentences("report/page.toml")
@@ -170,7 +171,7 @@ def report_page(material: Material) -> str:
     context = _context(material) | {"explore_reason": unexplored} | _stills(material, charts, surface)
     figures = [*figures_of(material.folder, STUDIES["profiles.json"])] if context["profiles"] else []
     return rendered("page.html.j2", scripts, images=bool(figures), **context, rig=rig, plane=surface,
-                    profile_figures=figures, data=in_script(data))  # fmt: skip
+                    profile_figures=figures, words_of=words_of, data=in_script(data))  # fmt: skip
 
 
 # --- surfaces --------------------------------------------------------------------------------------
