@@ -18,6 +18,7 @@ from fracid.models.written.equations import Equation, Equations
 from fracid.problem import Experiment, Free, Prior, Problem, Tied
 from fracid.problem.costs import COSTS, Cost
 from fracid.problem.past import release_in_past, smooth_past
+from fracid.problem.simulator import Simulator
 from fracid.recording import Recording
 from twins import release
 
@@ -841,3 +842,19 @@ def test_a_start_is_sought_near_what_was_measured_in_any_unit(size):
     problem = Problem(fracid.model("oscillator"), (probe,), {"mu": 1.0}, outputs=("displacement",))
     start = problem.unknowns[problem.names.index("displacement(0) [probe]")].range
     assert 0.1 * size < start.upper - start.lower <= 2 * size
+
+
+def test_a_point_of_another_length_is_told_by_the_names_of_the_unknowns():
+    with pytest.raises(InputError, match=r"x = array\(\[0.9\]\): expected a value for each of lambda, mu"):
+        problem().cost(np.array([0.9]))
+
+
+def test_an_unknown_of_one_recording_has_that_one_simulated_and_the_others_read(monkeypatch):
+    rig, swing = fracid.rotary_pendulum("srv02-rotpen"), np.tile([0.0, 0.1], (9, 1))
+    swings = tuple(Experiment(name, 0.01, k * swing, np.zeros((1, 1))) for k, name in enumerate("abc", 1))
+    three = Problem(rig, swings, {"lambda": 1.0, "mu": Free(0.9, 0.5, 1.2)}, initial_state="estimate")
+    runs, integrate = [], Simulator.trajectories
+    monkeypatch.setattr(Simulator, "trajectories", lambda *given: runs.append(given[2].name) or integrate(*given))
+    three.evaluate(three.start)
+    three.evaluate(three.start + 1e-3 * np.array(["[b]" in name for name in three.names]))
+    assert runs == ["a", "b", "c", "b"]

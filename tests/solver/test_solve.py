@@ -588,6 +588,17 @@ def test_a_time_outside_of_the_run_is_told():
         solve_fde(T1.rhs, 0.8, [1.0], step=0.1, end=1.0).at([0.5, 1.5])
 
 
+def test_states_at_times_that_are_no_grid_are_no_grid_to_read_others_from():
+    asked = solve_fde(T1.rhs, 0.8, [1.0], step=0.1, end=1.0, times=[0.0, 0.1, 0.2, 1.0])
+    with pytest.raises(InputError, match="which are no grid to read others from: leave out times"):
+        asked.at([0.5])
+
+
+def test_a_last_time_that_rounding_puts_above_the_end_is_the_end():
+    asked = solve_fde(T1.rhs, 0.8, [1.0], step=0.1, end=0.3, times=np.arange(4) * 0.1)
+    assert asked.time[-1] == 0.3 < 3 * 0.1
+
+
 @pytest.mark.parametrize("method", SCHEMES)
 def test_a_run_ends_with_the_first_sample_outside_of_its_bounds(method):
     whole = run(T33, 2e-3, method=method)

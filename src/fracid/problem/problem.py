@@ -31,7 +31,7 @@ import numpy as np
 from fracid.arrays import FloatArray, by_name
 from fracid.arrowhead import Blocks
 from fracid.cards import Card, CardDisplay, listed
-from fracid.errors import Failure, InputError
+from fracid.errors import Failure, InputError, brief
 from fracid.models import Model
 from fracid.optimise import Evaluation, Space
 from fracid.problem.checks import check_criterion, check_parametrisation, check_simulator
@@ -152,6 +152,9 @@ class Problem(Parametrisation, CardDisplay):
 
     def evaluate_all(self, points: Sequence[FloatArray]) -> list[Evaluation]:
         """The same at several points, whose runs go together where they can."""
+        for x in points:
+            if np.shape(x) != (len(self.unknowns),):
+                raise InputError(f"x = {brief(x)}: expected a value for each of {', '.join(self.names)}.")
         return [
             Evaluation(x, math.inf, None, str(errors)) if isinstance(errors, Failure) else self.criterion(x, errors)
             for x, errors in zip(points, self.simulator.all_errors(points), strict=True)

@@ -38,7 +38,7 @@ from fracid.solver.memory import Memory
 from fracid.solver.outputs import output_along
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import integrate_all, time_scale
-from fracid.solver.trajectory import Trajectory
+from fracid.solver.trajectory import Trajectory, between
 from fracid.tasks.simulation_cache import Memo, Recent
 
 GRAVITY = 9.80665
@@ -292,7 +292,7 @@ def _read(run: Trajectory, times: FloatArray, reading: Reading, *, even: bool) -
     inner, interior = _evenly(y, then, run) if even else (slice(0, 0), np.empty(0))
     edges = then >= run.time[0]
     edges[inner] = False
-    output[inner], output[edges] = interior, replace(run, states=y[:, None]).at(then[edges])[:, 0]
+    output[inner], output[edges] = interior, between(replace(run, states=y[:, None]), then[edges])[:, 0]
     return np.asarray(reading.gain * output + reading.bias)
 
 

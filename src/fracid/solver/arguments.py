@@ -239,9 +239,10 @@ def check_times(times: ArrayLike | None, start: float, end: float) -> FloatArray
     instants = vector("times", times)
     if instants.ndim != 1 or not instants.size or np.any(np.diff(instants) < 0):
         raise InputError("times must be a list of times in ascending order.")
-    for t in instants[(instants < start) | (instants > end)]:
+    slack = 1e-9 * max(abs(start), abs(end))
+    for t in instants[(instants < start - slack) | (instants > end + slack)]:
         raise InputError(f"times: {t:g} is not between start = {start:g} and end = {end:g}.")
-    return instants
+    return instants.clip(start, end)
 
 
 def check_inputs(inputs: ArrayLike | None, steps: int, count: int | None = None) -> FloatArray:

@@ -29,7 +29,7 @@ class Outcome(Enum):
     LEFT = "left its bounds: the last sample is the first one outside"
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Trajectory(CardDisplay):
     """A simulated run, as far as it went."""
 
@@ -81,7 +81,7 @@ class Trajectory(CardDisplay):
         Raises
         ------
         InputError
-            If a time is outside.
+            If a time is outside, or the run was read at times that are no grid.
 
         Examples
         --------
@@ -97,11 +97,14 @@ class Trajectory(CardDisplay):
         slack = 1e-9 * max(self.step, abs(last))
         for t in instants[(instants < first - slack) | (instants > last + slack)]:
             raise InputError(f"times: {t:g} is outside of the run, which goes from {first:g} to {last:g}.")
-        return _between(self, instants)
+        gaps = np.diff(self.time)
+        if gaps.size and np.ptp(gaps) > slack + 1e-6 * gaps.max():
+            raise InputError(SAYS("no-grid"))
+        return between(self, instants)
 
 
-def _between(run: Trajectory, times: FloatArray) -> FloatArray:
-    """Interpolate through the nearest four samples (or all, if fewer)."""
+def between(run: Trajectory, times: FloatArray) -> FloatArray:
+    """Interpolate a run on a grid through the nearest four samples (or all, if fewer)."""
     nodes = min(4, len(run.time))
     spacing = (run.time[-1] - run.time[0]) / max(len(run.time) - 1, 1) or 1.0
     before = ((times - run.time[0]) / spacing).astype(np.int64)
