@@ -43,7 +43,7 @@ from fracid.cards import rounded
 from fracid.errors import Failure, InputError
 from fracid.estimation.block_covariance import summed
 from fracid.estimation.cost_profile import Profile
-from fracid.estimation.covariance import Uncertainty, half_width, uncertainty
+from fracid.estimation.covariance import Uncertainty, half_width, sandwich, uncertainty
 from fracid.estimation.derivatives import by_blocks
 from fracid.findings import Words
 from fracid.models.friction import LUGRE
@@ -79,6 +79,12 @@ TIGHT = 0.2
 
 SLIDES, STICKS = 0.05, 0.8
 """Parts of a joint's motion that presliding takes up: below the one it hardly shows, above the other nothing else."""
+
+FAR, GOES_ALONG = 0.1, 0.3
+"""A relative change that the data do not see, and the power of it with which an interval widens, that is arbitrary."""
+
+CUT = 0.5
+"""An interval that is shorter than this part of what it were without bounds is cut by them."""
 
 KNOWN = 0.5
 """Half the interval of a ratio that is worth naming, relative."""
@@ -188,6 +194,23 @@ class _View:
         """The nearer one."""
         reach = self.problem.unknowns[i].range
         return min(reach.lower, reach.upper, key=lambda end: abs(end - float(self.x[i])))
+
+    @cached_property
+    def scales(self) -> FloatArray:
+        """With which power of a change that the data do not see each standard error goes, shape (n_unseen, n)."""
+        known, x, sizes = self.known, self.x, self.problem.space.sizes(self.x)
+        at = np.flatnonzero(np.isfinite(known.standard_error) | np.any(known.unseen != 0, axis=0))
+        powers, sign = np.zeros(known.unseen.shape), np.where(x < 0, -1.0, 1.0)
+        for power, direction in zip(powers, known.unseen, strict=True):
+            if np.count_nonzero(direction) == 1:  # nothing depends on it
+                continue
+            ways = [self.problem.space.clipped(x + sign * sizes * np.expm1(s * sign * direction)) for s in (FAR, -FAR)]
+            up, down = (sandwich(self.problem, way, at) for way in ways)
+            if not (isinstance(up, Failure) or isinstance(down, Failure)):
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    grows = np.log(np.diag(up.inverse) / np.diag(down.inverse)) / (4 * FAR)
+                power[at] = np.where(np.isfinite(known.standard_error[at]), np.nan_to_num(grows), 0.0)
+        return powers
 
     @cached_property
     def travels(self) -> dict[str, float]:
@@ -310,12 +333,20 @@ def _at_a_bound(view: _View, i: int) -> Iterator[Verdict]:
 
 def _beyond(view: _View, i: int) -> str:
     """What is beyond a bound that holds an unknown."""
-    u, bound = view.problem.unknowns[i], view.bound(i)
-    if u.kind != "parameter" or u.target not in view.problem.parameters or bound not in limits(view.problem, u.target):
+    bound = view.bound(i)
+    if _means_something_beyond(view, i, bound):
         return "widen the bound or extend the model"
     if bound == 0.0:
         return "it is zero within the resolution of the data: remove it, or extend the model"
     return "beyond it means nothing, so the model lacks something"
+
+
+def _means_something_beyond(view: _View, i: int, bound: float) -> bool:
+    """Whether there are values beyond a bound that mean as much, more than a little beside those before it."""
+    u, problem = view.problem.unknowns[i], view.problem
+    own = u.kind == "parameter" and u.target in problem.parameters
+    limit = limits(problem, u.target)[bound == u.range.upper] if own else math.inf
+    return not (u.range.hard or u.complete) and abs(limit - bound) > CUT * abs(bound - float(view.x[i]))
 
 
 def _of_a_joint_that_gives(view: _View, i: int) -> Iterator[Verdict]:
@@ -476,6 +507,25 @@ def _of_presliding(view: _View, i: int) -> str:
     return ""
 
 
+def _of_no_scale(view: _View, i: int) -> Iterator[Verdict]:
+    """Whose interval is as wide as the scale of others, which the data do not see."""
+    for direction, powers in zip(view.known.unseen, view.scales, strict=True):
+        if abs(powers[i]) > GOES_ALONG:
+            partners = " and ".join(letter(view.names[k]) for k in np.flatnonzero(direction))
+            yield Verdict(view.names[i], "only in a ratio", SAYS("no-scale", text=view.shown(i), partners=partners))
+
+
+def _cut(view: _View, i: int) -> Iterator[Verdict]:
+    """Whose interval is less than half as long as the data leave it, for a bound beyond which values mean as much."""
+    for side, end in enumerate(view.known.ends[i]):
+        if abs(end - view.x[i]) > CUT * NORMAL_95 * view.known.standard_error[i]:
+            continue
+        for k, bound in view.known.stops.get((i, side), {}).items():
+            if _means_something_beyond(view, k, bound):
+                what = {"name": view.names[i], "other": letter(view.names[k]), "bound": bound}
+                yield Verdict(view.names[i], "practically not", SAYS("cut" if k == i else "cut-by", **what))
+
+
 def _identifiable(view: _View, i: int) -> Iterator[Verdict]:
     u = view.problem.unknowns[i]
     own = view.moved_by(u.target) if u.kind == "order" else ()
@@ -485,7 +535,7 @@ def _identifiable(view: _View, i: int) -> Iterator[Verdict]:
 
 
 RULES: tuple[Callable[[_View, int], Iterator[Verdict]], ...] = (
-    _of_a_joint_that_gives, _of_a_springpot, _by_its_profile, _at_a_bound, _unseen, _elsewhere, _too_wide,
-    _identifiable,
+    _of_a_joint_that_gives, _of_a_springpot, _by_its_profile, _of_no_scale, _at_a_bound, _unseen, _elsewhere, _too_wide,
+    _cut, _identifiable,
 )  # fmt: skip
 """The first that gives a verdict has the word."""
