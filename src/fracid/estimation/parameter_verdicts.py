@@ -196,21 +196,18 @@ class _View:
         return min(reach.lower, reach.upper, key=lambda end: abs(end - float(self.x[i])))
 
     @cached_property
-    def scales(self) -> FloatArray:
-        """With which power of a change that the data do not see each standard error goes, shape (n_unseen, n)."""
-        known, x, sizes = self.known, self.x, self.problem.space.sizes(self.x)
-        at = np.flatnonzero(np.isfinite(known.standard_error) | np.any(known.unseen != 0, axis=0))
-        powers, sign = np.zeros(known.unseen.shape), np.where(x < 0, -1.0, 1.0)
-        for power, direction in zip(powers, known.unseen, strict=True):
-            if np.count_nonzero(direction) == 1:  # nothing depends on it
-                continue
-            ways = [self.problem.space.clipped(x + sign * sizes * np.expm1(s * sign * direction)) for s in (FAR, -FAR)]
-            up, down = (sandwich(self.problem, way, at) for way in ways)
-            if not (isinstance(up, Failure) or isinstance(down, Failure)):
-                with np.errstate(divide="ignore", invalid="ignore"):
-                    grows = np.log(np.diag(up.inverse) / np.diag(down.inverse)) / (4 * FAR)
-                power[at] = np.where(np.isfinite(known.standard_error[at]), np.nan_to_num(grows), 0.0)
-        return powers
+    def scales(self) -> list[tuple[FloatArray, FloatArray]]:
+        """Directions that the data do not see, and with which power of a move along them each standard error goes."""
+        shared = [direction for direction in self.known.unseen if np.count_nonzero(direction) > 1]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return [(d, np.log(self._variances(FAR * d) / self._variances(-FAR * d)) / (4 * FAR)) for d in shared]
+
+    def _variances(self, relative: FloatArray) -> FloatArray:
+        """Those of the curvature after a relative change that keeps products; NaN where the run fails."""
+        sizes, sign = self.problem.space.sizes(self.x), np.where(self.x < 0, -1.0, 1.0)
+        there = self.x + sign * sizes * np.expm1(sign * relative)
+        found = sandwich(self.problem, self.problem.space.clipped(there), np.arange(len(there)))
+        return np.full(len(there), np.nan) if isinstance(found, Failure) else np.diag(found.inverse)
 
     @cached_property
     def travels(self) -> dict[str, float]:
@@ -509,8 +506,8 @@ def _of_presliding(view: _View, i: int) -> str:
 
 def _of_no_scale(view: _View, i: int) -> Iterator[Verdict]:
     """Whose interval is as wide as the scale of others, which the data do not see."""
-    for direction, powers in zip(view.known.unseen, view.scales, strict=True):
-        if abs(powers[i]) > GOES_ALONG:
+    for direction, powers in view.scales:
+        if math.isfinite(view.known.standard_error[i]) and abs(powers[i]) > GOES_ALONG:
             partners = " and ".join(letter(view.names[k]) for k in np.flatnonzero(direction))
             yield Verdict(view.names[i], "only in a ratio", SAYS("no-scale", text=view.shown(i), partners=partners))
 
@@ -522,8 +519,8 @@ def _cut(view: _View, i: int) -> Iterator[Verdict]:
             continue
         for k, bound in view.known.stops.get((i, side), {}).items():
             if _means_something_beyond(view, k, bound):
-                what = {"name": view.names[i], "other": letter(view.names[k]), "bound": bound}
-                yield Verdict(view.names[i], "practically not", SAYS("cut" if k == i else "cut-by", **what))
+                why = SAYS("cut" if k == i else "cut-by", other=letter(view.names[k]), bound=bound)
+                yield Verdict(view.names[i], "practically not", why)
 
 
 def _identifiable(view: _View, i: int) -> Iterator[Verdict]:

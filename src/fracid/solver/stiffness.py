@@ -327,9 +327,8 @@ def fault_of(
     if method.family == "pi" and (ringing := _rings(run, largest)):
         return ringing
     if (growth := max(map(_growth, spectra))) > 1:
-        return SAYS.finding(
-            "outgrown", "", growth, 1.0, run=run, shorter=run.step * (0.1 / growth) ** (1 / np.max(run.orders))
-        )
+        parts = (10 * growth) ** (1 / float(np.max(run.orders)))
+        return SAYS.finding("outgrown", "", growth, 1.0, run=run, shorter=run.step / parts)
     steps = sorted(map(steps_a_period, spectra[:LOOKED_AT]))[LOOKED_AT // 2]
     if steps < STEPS_A_PERIOD:
         shorter = run.step * steps / (2 * STEPS_A_PERIOD)

@@ -32,7 +32,6 @@ from fracid.findings import Finding, Words
 from fracid.optimise import Evaluation
 from fracid.problem import Problem
 from fracid.problem.checks import MOST_STEPS
-from fracid.quantiles import NORMAL_95
 from fracid.safety.schema import Infinite, Record, Unknown
 from fracid.selection.step import COARSE, HELPS
 from fracid.solver.methods import METHODS
@@ -104,9 +103,7 @@ class Discretisation(Record):
         moves = np.array([self.moves.get(u.name, 0.0) for u in problem.unknowns])
         halves = np.array([half_width(known, x, i) for i in range(len(x))])
         moves[np.abs(moves) <= QUIET * halves] = 0.0
-        with np.errstate(divide="ignore", invalid="ignore"):  # in standard errors of an interval that was walked, too
-            shift = TO_THE_LIMIT * moves * NORMAL_95 * known.standard_error / halves
-        return known.wider(problem.space, x, shift) if moves.any() else known
+        return known.wider(problem.space, x, TO_THE_LIMIT * moves) if moves.any() else known
 
 
 COARSE_STEP = "step"
