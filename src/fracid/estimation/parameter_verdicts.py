@@ -8,10 +8,12 @@ verdict             means
 identifiable        its interval is narrow enough to use: an order to 0.1, an angle to 3°, a constant to its own size,
                     the start of a state to its travel
 only in a ratio     the data see it through a product or quotient with another, which is named: a free response
-                    knows C1/C4, not C1; so in a null direction of the scaled sensitivities, or nearly so
+                    knows C1/C4, not C1; so in a null direction of the scaled sensitivities, or nearly so; or its
+                    interval is as wide as such a scale, as that of a leak next to 0 beside R and C
 practically not     the sensitivities see it, and not enough: its profile is flat or one-sided, or the interval is
                     too wide; with the reason where there is one: the part of the rig whose order it is hardly moves
-                    (a clamped arm), or it shows only in large swings (an inertia term of sin²α at small angles)
+                    (a clamped arm), or it shows only in large swings (an inertia term of sin²α at small angles);
+                    or the interval ends where a bound does, its own or another's, beyond which values mean as much
 not at all          nothing that was measured depends on it
 at its bound        the search would have gone on, had it been allowed to
 forgotten           where a presliding joint began, which nothing shows once it slides, and which nobody misses
