@@ -220,6 +220,15 @@ def test_two_unseen_directions_are_named_apart():
     assert sorted(uncertainty(p, p.start).confounded) == [LUMPED, ("slip_speed",)]
 
 
+def test_two_dampings_of_which_one_is_at_zero_are_confounded():
+    model = Equations({"x": Equation("-(d1 + d2)*x")}).model("decay", [Parameter(n, "", 0.1, "") for n in ("d1", "d2")])
+    measured = np.exp(-0.3 * np.arange(200.0) / 20)[:, None]
+    decay = Experiment("decay", 0.05, measured, np.zeros((1, 0)), initial={"x": 1.0})
+    ranges = {"d1": Free(0.1, 0.0, 0.25), "d2": Free(0.3, 0.0, 5.0)}
+    p = Problem(model, (decay,), {}, ranges, initial_state="held")
+    assert uncertainty(p, np.array([0.0, 0.3])).confounded == (("d1", "d2"),)
+
+
 def test_what_lies_at_its_bound_has_an_interval_that_begins_there():
     p = problem(clean() + noise(2001, 0.0, 1), orders={"lambda": Free(0.9, 0.5, 0.9), "mu": ORDERS["mu"]})
     found = uncertainty(p, p.start)

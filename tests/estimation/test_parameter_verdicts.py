@@ -313,6 +313,34 @@ def test_two_constants_that_hang_together_closely_are_named_as_a_ratio():
     assert found.sentence.endswith("fix one of them")
 
 
+def decay(equation, start, ranges, measured):
+    """A problem of one equation that decays from 1, at `start`."""
+    model = Equations({"x": Equation(equation)}).model("decay", [Parameter(n, "", v, "") for n, v in start.items()])
+    run = Experiment("decay", 0.05, measured[:, None], np.zeros((1, 0)), initial={"x": 1.0})
+    return Problem(model, (run,), {}, {n: Free(v, *ranges[n]) for n, v in start.items()}, initial_state="held")
+
+
+def test_an_interval_that_ends_where_another_parameter_meets_its_bound_is_said_to():
+    noise = 1e-2 * np.random.default_rng(1).standard_normal(200)
+    measured = np.exp(-0.35 * np.arange(200) / 20) + noise  # V/K alone is known, K from 10 on
+    start = {"V": 3.8, "K": 10.0}
+    p = decay("-V*x/(K + x)", start, {"V": (0.01, 1e5), "K": (0.1, 10.0)}, measured)
+    assert verdicts(p)["V"].sentence.startswith("practically not: its interval ends where K meets its bound, 10:")
+    wide = decay("-V*x/(K + x)", start, {"V": (0.01, 1e5), "K": (0.1, 1e5)}, measured)
+    assert "meets its bound" not in verdicts(wide)["V"].sentence
+
+
+def test_an_interval_as_wide_as_a_scale_that_nothing_shows_is_said_to_be():
+    measured = np.exp(-2.0 * np.arange(200) / 20) + 1e-2 * np.random.default_rng(1).standard_normal(200)
+    start, ranges = {"R": 1e3, "C": 5e-4, "G": 4e-7}, {"R": (10.0, 1e6), "C": (1e-6, 1e-2), "G": (0.0, 1e-2)}
+    p = decay("-x/(R*C) - G*abs(x)*x/C", start, ranges, measured)
+    found = verdicts(p, x=p.start)
+    assert found["G"].kind == "only in a ratio"
+    assert "is for these values of R and C alone, which the data cannot separate" in found["G"].reason
+    known = decay("-x/(R*5e-4) - G*abs(x)*x/5e-4", {n: start[n] for n in "RG"}, ranges, measured)
+    assert "only in a ratio" not in {v.kind for v in verdicts(known, x=known.start).values()}
+
+
 def test_a_voltage_at_rest_is_not_halved_with_the_states_and_ends_no_fit():
     cell = Equations({"v": Equation("i/C - v/R")}, {"u": Equation("E + v")}, inputs={"i": "A"})
     model = cell.model("cell", [Parameter(n, "", v, "") for n, v in {"C": 100.0, "R": 1e4, "E": 3.7}.items()])

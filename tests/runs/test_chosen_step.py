@@ -9,6 +9,7 @@ import pytest
 
 import fracid
 from fracid.errors import Failure, FailureReason, InputError
+from fracid.estimation.covariance import half_width, uncertainty
 from fracid.estimation.minimum import Minimum
 from fracid.identification.examination import Examination
 from fracid.optimise import Outcome
@@ -134,6 +135,18 @@ def test_half_a_step_helps_where_values_move_by_less_whether_an_order_is_free_or
     coarse, finer, alike = (Discretisation(1.0, 1.0, 1.0, orders, orders, largest) for largest in (0.4, 0.1, 0.39))
     assert _helps("pi2", coarse, finer)
     assert not _helps("pi2", coarse, alike)
+
+
+def test_what_the_step_moves_is_held_against_the_interval_that_is_printed(folder):
+    (folder / "project.toml").write_text(STEEP, encoding="utf-8")
+    problem = fracid.load_project(folder / "project.toml").problem
+    x = problem.start
+    known = uncertainty(problem, x)
+    half = half_width(known, x, 0)
+    check = Discretisation(1.0, 2.0, 2.0, {}, {}, moves={"coulomb_theta": 3 * half})
+    assert "coulomb_theta by +" in check.judged(problem, x, known, 1).warning
+    walked = replace(known, ends=x[:, None] + 10 * (known.ends - x[:, None]))
+    assert "coulomb_theta" not in check.judged(problem, x, walked, 1).warning
 
 
 @pytest.mark.parametrize(("method", "complains"), [("pi2", True), ("bdf2", True), ("pi3", True), ("gl", False)])

@@ -24,6 +24,7 @@ from fracid.selection.comparison_records import Comparison, OrderOfRow, Row, Sco
 from fracid.selection.comparison_verdict import verdict_of
 from fracid.selection.ladder import OWN, PAPER, assignment, held, ladder, name_of, unseen
 from fracid.selection.step import quiet_substeps
+from fracid.signals.left_over import LeftOver
 from fracid.solver.methods import METHODS
 from fracid.tasks.job import Progress
 from fracid.tasks.journal import Journal
@@ -610,6 +611,14 @@ def test_the_verdict_follows_the_held_out_errors(case):
     kinds = [("viscous", False), ("viscous", True), (DRY, False), (DRY, True)]
     rows = tuple(row(*kind, [0.01 * e] * count) for kind, e in zip(kinds, errors, strict=True))
     assert verdict_of(result(rows)).startswith(begins)
+
+
+@pytest.mark.parametrize("coloured", [False, True])
+def test_a_doubt_of_the_claim_names_the_residual_and_noise_of_a_filter_raises_none(coloured):
+    correlated = {"r1, s": LeftOver(5e-5, 0.0, part=0.05, coloured=coloured), "r1, α": LeftOver(1e-3, 0.0, part=1.0)}
+    rows = (replace(row("viscous", False, [1.0]), left_over=correlated), row("viscous", True, [1.0]))
+    doubts = replace(result(rows), claim="integer").doubts
+    assert doubts == ({} if coloured else {"Fit": "the model lacks something: the residual of r1, s is correlated"})
 
 
 def result(rows):

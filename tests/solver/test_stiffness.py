@@ -1,5 +1,7 @@
 """Why a run ended, and whether its step is short enough: each fault is made on purpose, and said with its number."""
 
+import math
+
 import mpmath
 import numpy as np
 import pytest
@@ -112,6 +114,31 @@ def test_above_order_one_the_step_and_the_method_that_are_asked_for_help(q):
         assert better.completed
         assert better.fault is None or better.fault.code in ("coarse-steps", "ringing")
         assert abs(better.states[-1, 0] - 1.0) < 1e-3
+
+
+def logistic(t, x, u, p, out):
+    out[0] = p[0] * x[0] * (1 - x[0])
+
+
+@pytest.mark.parametrize("q", [1.0, 0.9])
+def test_a_state_that_the_solution_leaves_within_a_step_is_told(q):
+    coarse = run(logistic, q, [1e-2], [50.0], method="bdf2", step=0.1, end=5.0)
+    assert coarse.fault.code == "coarse-steps"
+    assert coarse.fault.number == pytest.approx(50 * 0.1**q, rel=1e-3)
+    shorter = float(coarse.fault.sentence.split("a step of ")[1].split(" s")[0])
+    fine = run(logistic, q, [1e-2], [50.0], method="bdf2", step=shorter, end=1.0)
+    assert fine.fault is None
+    assert fine.states[-1, 0] == pytest.approx(1.0, abs=1e-2)
+
+
+@pytest.mark.parametrize("q", [1.0, 0.9])
+def test_a_jump_between_the_samples_that_are_looked_at_is_looked_at(q):
+    def diode(t, x, u, p, out):
+        out[0] = -100.0 * (math.exp(x[0]) - 1.0) + math.sin(t)
+
+    ended = run(diode, q, [-3.0], [], method="gl", step=0.1, end=5.0)
+    assert ended.states[-1, 0] < -1e3  # beyond the bottom of an exponential
+    assert ended.fault.code == "stiff"
 
 
 @pytest.mark.parametrize("mu", [0.9, 1.05])

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import SMALLEST
@@ -54,10 +55,10 @@ def lowest(R: FloatArray, y: FloatArray, low: FloatArray, high: FloatArray) -> F
 
 def reach(
     R: FloatArray, y: FloatArray, low: FloatArray, high: FloatArray, i: int, side: int, rise: float
-) -> tuple[float, bool]:
-    """How far δ_i can go to one side until the least over the others has risen so much, and whether a bound stops one.
+) -> tuple[float, NDArray[np.int_]]:
+    """How far δ_i can go to one side until the least over the others has risen so much, and which are at a bound there.
 
-    Its own bound ends it, too.
+    Those at their lower bound have −1, those at their upper one 1, the others 0.  Its own bound ends it, too.
 
     Parameters
     ----------
@@ -73,18 +74,17 @@ def reach(
     >>> R, y = np.array([[1.0, 1.0], [0.0, 0.1]]), np.zeros(2)
     >>> free, bound = np.full(2, np.inf), np.array([np.inf, 1.5])
     >>> [reach(R, y, -free, above, 0, -1, 0.02) for above in (free, bound)]
-    [(2.0099..., False), (1.6322..., True)]
+    [(2.0099..., array([0, 0])), (1.6322..., array([0, 1]))]
     """
     from scipy.optimize import brentq
 
     others, base = np.arange(R.shape[1]) != i, 0.5 * float(y @ y)
-    room, stopped = float(high[i] if side > 0 else -low[i]), False
+    room, at = float(high[i] if side > 0 else -low[i]), np.zeros(len(low), dtype=int)
 
     def excess(distance: float) -> float:
-        nonlocal stopped
         ahead = y + R[:, i] * (side * distance)
         delta = lowest(R[:, others], ahead, low[others], high[others])
-        stopped = bool(np.any((delta <= low[others]) | (delta >= high[others])))
+        at[others] = (delta >= high[others]).astype(int) - (delta <= low[others])
         rest = ahead + R[:, others] @ delta
         rounded = 0.5 * float(rest @ rest) - base
         return (rounded if distance > 0 else 0.0) - rise  # beside columns that are nearly one, rounding may exceed it
@@ -93,10 +93,11 @@ def reach(
     steep = float(np.linalg.norm(R[:, i] - R[:, others] @ alone))  # 1/√(A⁻¹)_ii
     far = min(room, math.sqrt(2 * rise) / steep) if steep > 0 else room
     if not math.isfinite(far):
-        return math.inf, False
+        return math.inf, at
     while far < room and excess(far) < -1e-6 * rise:  # the least point lies beyond a bound: it begins flatter
         far = min(room, 2 * far)
     if excess(far) > 1e-6 * rise:
         far = float(brentq(excess, 0.0, far, xtol=1e-4 * far))
         excess(far)
-    return far, stopped
+    at[i] = side * (far == room)
+    return far, at

@@ -81,7 +81,8 @@ from __future__ import annotations
 
 import math
 import tomllib
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,10 +117,15 @@ OF_FITS = {name: METHODS[name] for name in ("sandwich", "white", "walk")}
 """Those of a fit's intervals."""
 
 PART = 1e-2
-"""Who has less than this of the largest share in an unseen direction takes no part in it."""
+"""Who has less than this of the largest share in an unseen direction, of the changes relative to their sizes and of
+what these do to the samples, takes no part in it."""
 
 BESIDE_A_BOUND = 5.14
 """In place of 1.96²: 95 % of an even mixture of χ² of one and of two degrees of freedom."""
+
+
+Stops = Mapping[tuple[int, int], Mapping[int, float]]
+"""The bounds that end intervals, by whose they are, of an unknown's interval to one side."""
 
 
 @dataclass(frozen=True)
@@ -151,6 +157,8 @@ class Uncertainty:
     """What the noise of a start that is taken from samples adds, one standard deviation, shape (n_unknowns,)."""
     walked: NDArray[np.bool_]
     """Which intervals end where the cost itself reaches the limit, not its parabola, shape (n_unknowns,)."""
+    stops: Stops = field(default_factory=dict)
+    """The bounds on the way to an interval's end."""
     unwalked: int = 0
     """Ends that were left while they were looked for, as the work was spent."""
     elsewhere: FloatArray | None = None
@@ -175,8 +183,9 @@ class Uncertainty:
 
     def wider(self, space: Space, x: FloatArray, shift: FloatArray) -> Uncertainty:
         """Wider by what moves each unknown by a standard deviation of its own, shape (n_unknowns,)."""
+        sd = np.fmax(self.standard_error, np.max(np.abs(self.ends - x[:, None]), axis=1) / NORMAL_95)  # or walked
         with np.errstate(divide="ignore", invalid="ignore"):
-            wider = np.nan_to_num(np.hypot(1.0, shift / self.standard_error), nan=1.0, posinf=1.0)
+            wider = np.nan_to_num(np.hypot(1.0, shift / sd), nan=1.0, posinf=1.0)
         ends = x[:, None] + wider[:, None] * (self.ends - x[:, None])
         return replace(
             self, standard_error=self.standard_error * wider, covariance=self.covariance * np.outer(wider, wider),
@@ -203,6 +212,8 @@ class Sandwich:
     """A⁻¹S₀A⁻¹, shape (n_free, n_free)."""
     directions: FloatArray
     """Changes of the unknowns, in their own units, that J does not see, shape (n_unseen, n_free)."""
+    effects: FloatArray
+    """What a unit of each unknown does to the samples, √A_ii, shape (n_free,)."""
     widening: FloatArray
     """By what the standard errors were widened for few samples, shape (n_free,)."""
 
@@ -252,7 +263,7 @@ def uncertainty(
             return found
         touching = (x <= problem.space.lower) | (x >= problem.space.upper)
         ends = x[:, None] + NORMAL_95 * np.outer(np.sqrt(np.diag(found.covariance)), (-1.0, 1.0))
-        return _spread_out(problem, x, found, touching, ends=ends, rise=np.full_like(ends, np.nan))
+        return _spread_out(problem, x, found, touching, ends=ends, rise=np.full_like(ends, np.nan), stops={})
     here = tangent(problem, x, jobs=jobs) if near is None else near
     if isinstance(here, Failure):
         return here
@@ -264,11 +275,12 @@ def uncertainty(
 
 
 def _spread_out(
-    problem: Problem, x: FloatArray, found: Sandwich, touching: NDArray[np.bool_], ends: FloatArray, rise: FloatArray
-) -> Uncertainty:
+    problem: Problem, x: FloatArray, found: Sandwich, touching: NDArray[np.bool_], ends: FloatArray, rise: FloatArray,
+    stops: Stops,
+) -> Uncertainty:  # fmt: skip
     """The sandwich of the free unknowns in places of all, without what the data cannot separate."""
     free, space = found.free, problem.space
-    directions = _sparse(found.directions / space.sizes(x)[free])
+    directions = _sparse(found.directions / space.sizes(x)[free], found.effects * space.sizes(x)[free])
     at = np.flatnonzero(~np.any(directions != 0, axis=0))
     seen, n = free[at], len(x)
     (error, white), (limits, rises), covariance = (np.full(s, np.nan) for s in ((2, n), (2, n, 2), (n, n)))
@@ -282,11 +294,11 @@ def _spread_out(
     samples = sum(e.samples for e in problem.experiments)
     return Uncertainty(error, touching, confounded, white, covariance=covariance, unseen=null_space, samples=samples,
                        widening=wider, ends=limits, rise=rises, start=np.zeros(n),
-                       walked=np.zeros(n, dtype=bool))  # fmt: skip
+                       walked=np.zeros(n, dtype=bool), stops=stops)  # fmt: skip
 
 
-def _ends(here: Tangent, estimator: Sandwich) -> tuple[FloatArray, FloatArray]:
-    """Of the 95 % intervals of the free unknowns, and by how much V rises to them, shapes (n_free, 2)."""
+def _ends(here: Tangent, estimator: Sandwich) -> tuple[FloatArray, FloatArray, Stops]:
+    """Of the 95 % intervals of the free unknowns, by how much V rises to them, shapes (n_free, 2), and what stops."""
     free, space = estimator.free, here.problem.space
     R, low, high = here.R[:, free], (space.lower - here.x)[free], (space.upper - here.x)[free]
     delta = lowest(R, here.y, low, high)  # next to nothing at a minimum
@@ -296,16 +308,19 @@ def _ends(here: Tangent, estimator: Sandwich) -> tuple[FloatArray, FloatArray]:
     low, high = low - delta, high - delta
     inverse, covariance = np.diag(estimator.inverse), np.diag(estimator.covariance)
     kappa = np.divide(covariance, inverse, out=np.zeros_like(inverse), where=inverse > 0)
+    stops: dict[tuple[int, int], Mapping[int, float]] = {}
     ends, rise = np.empty((len(free), 2)), np.outer(0.5 * NORMAL_95**2 * kappa, (1.0, 1.0))
     for k, i in enumerate(free):
         for side, sign in enumerate((-1, 1)):
-            far, stopped = reach(R, y, low, high, i=k, side=sign, rise=rise[k, side])
-            if stopped:
+            far, at = reach(R, y, low, high, i=k, side=sign, rise=rise[k, side])
+            if np.any(np.delete(at, k)):
                 rise[k, side] *= BESIDE_A_BOUND / NORMAL_95**2
-                far, _ = reach(R, y, low, high, i=k, side=sign, rise=rise[k, side])
+                far, at = reach(R, y, low, high, i=k, side=sign, rise=rise[k, side])
+            bounds = np.where(at < 0, space.lower[free], space.upper[free])
+            stops[int(i), side] = {int(free[j]): float(bounds[j]) for j in np.flatnonzero(at)}
             end = here.x[i] + delta[k] + sign * far
             ends[k, side] = max(end, here.x[i]) if side else min(end, here.x[i])
-    return ends, rise
+    return ends, rise, stops
 
 
 def at_bound(problem: Problem, x: FloatArray, *, jobs: int = 1) -> NDArray[np.bool_]:
@@ -398,7 +413,7 @@ def _sandwich(problem: Problem, J: BlockJacobian, free: NDArray[np.intp]) -> San
         covariance, wider = np.outer(narrower, narrower) * covariance, wider * narrower
     for square in (inverse, covariance, white):
         square /= scale
-    return Sandwich(free, inverse, covariance, white, directions=bread.unseen / norm, widening=wider)
+    return Sandwich(free, inverse, covariance, white, directions=bread.unseen / norm, effects=norm, widening=wider)
 
 
 def _white(problem: Problem, J: BlockJacobian, norm: FloatArray) -> list[FloatArray]:
@@ -410,9 +425,10 @@ def _white(problem: Problem, J: BlockJacobian, norm: FloatArray) -> list[FloatAr
     return found
 
 
-def _sparse(directions: FloatArray) -> FloatArray:
+def _sparse(directions: FloatArray, effects: FloatArray) -> FloatArray:
     """Unseen directions, of relative changes, with the fewest entries that are not 0, shape (n_unseen, n_free).
 
+    Beside 0 a relative change means little: what it does to the samples, `effects` times as much, counts too.
     A basis of the unseen directions is arbitrary; row reduction gives the one that names the fewest together.
     """
     from scipy.linalg import qr  # slow to load
@@ -421,8 +437,8 @@ def _sparse(directions: FloatArray) -> FloatArray:
     largest_first = np.argsort(-np.max(np.abs(rows), axis=0, initial=0.0), kind="stable")
     pivots = qr(rows, mode="r", pivoting=True)[1][: len(rows)]
     rows = np.linalg.solve(rows[:, largest_first[np.isin(largest_first, pivots)]], rows)
-    rows /= np.max(np.abs(rows), axis=1, keepdims=True, initial=1e-300)
-    return np.asarray(np.where(np.abs(rows) > PART, rows, 0.0))
+    rows, moved = (r / np.max(np.abs(r), axis=1, keepdims=True, initial=1e-300) for r in (rows, rows * effects))
+    return np.asarray(np.where(np.maximum(np.abs(rows), np.abs(moved)) > PART, rows, 0.0))
 
 
 def residual_bandwidth(errors: list[FloatArray]) -> float:

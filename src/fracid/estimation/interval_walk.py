@@ -121,8 +121,10 @@ def _walked(
             ends[way.i, way.side] = way.found
     ends = _as_far_as_any(start, known, ends, together.points)
     moved = known.walked | np.any(np.nan_to_num(ends) != np.nan_to_num(known.ends), axis=1)
+    nearer = np.abs(ends - here.x[:, None]) < np.abs(known.ends - here.x[:, None])  # the cost ends it, and no bound
+    stops = {at: bounds for at, bounds in known.stops.items() if not nearer[at]}
     left = (together.runs <= 0) * sum(way.goes_on for way in ways)
-    return replace(known, ends=ends, walked=moved, unwalked=known.unwalked + left)
+    return replace(known, ends=ends, walked=moved, stops=stops, unwalked=known.unwalked + left)
 
 
 Seen = tuple[float, FloatArray]

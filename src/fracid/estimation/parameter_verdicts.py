@@ -8,10 +8,12 @@ verdict             means
 identifiable        its interval is narrow enough to use: an order to 0.1, an angle to 3°, a constant to its own size,
                     the start of a state to its travel
 only in a ratio     the data see it through a product or quotient with another, which is named: a free response
-                    knows C1/C4, not C1; so in a null direction of the scaled sensitivities, or nearly so
+                    knows C1/C4, not C1; so in a null direction of the scaled sensitivities, or nearly so; or its
+                    interval is as wide as such a scale, as that of a leak next to 0 beside R and C
 practically not     the sensitivities see it, and not enough: its profile is flat or one-sided, or the interval is
                     too wide; with the reason where there is one: the part of the rig whose order it is hardly moves
-                    (a clamped arm), or it shows only in large swings (an inertia term of sin²α at small angles)
+                    (a clamped arm), or it shows only in large swings (an inertia term of sin²α at small angles);
+                    or the interval ends where a bound does, its own or another's, beyond which values mean as much
 not at all          nothing that was measured depends on it
 at its bound        the search would have gone on, had it been allowed to
 forgotten           where a presliding joint began, which nothing shows once it slides, and which nobody misses
@@ -43,7 +45,7 @@ from fracid.cards import rounded
 from fracid.errors import Failure, InputError
 from fracid.estimation.block_covariance import summed
 from fracid.estimation.cost_profile import Profile
-from fracid.estimation.covariance import Uncertainty, half_width, uncertainty
+from fracid.estimation.covariance import Uncertainty, half_width, sandwich, uncertainty
 from fracid.estimation.derivatives import by_blocks
 from fracid.estimation.records import in_words
 from fracid.findings import Words
@@ -81,6 +83,12 @@ TIGHT = 0.2
 
 SLIDES, STICKS = 0.05, 0.8
 """Parts of a joint's motion that presliding takes up: below the one it hardly shows, above the other nothing else."""
+
+FAR, GOES_ALONG = 0.1, 0.3
+"""A relative change that the data do not see, and the power of it with which an interval widens, that is arbitrary."""
+
+CUT = 0.5
+"""An interval that is shorter than this part of what it were without bounds is cut by them."""
 
 KNOWN = 0.5
 """Half the interval of a ratio that is worth naming, relative."""
@@ -186,6 +194,20 @@ class _View:
         """The nearer one."""
         reach = self.problem.unknowns[i].range
         return min(reach.lower, reach.upper, key=lambda end: abs(end - float(self.x[i])))
+
+    @cached_property
+    def scales(self) -> list[tuple[FloatArray, FloatArray]]:
+        """Directions that the data do not see, and with which power of a move along them each standard error goes."""
+        shared = [direction for direction in self.known.unseen if np.count_nonzero(direction) > 1]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return [(d, np.log(self._variances(FAR * d) / self._variances(-FAR * d)) / (4 * FAR)) for d in shared]
+
+    def _variances(self, relative: FloatArray) -> FloatArray:
+        """Those of the curvature after a relative change that keeps products; NaN where the run fails."""
+        sizes, sign = self.problem.space.sizes(self.x), np.where(self.x < 0, -1.0, 1.0)
+        there = self.x + sign * sizes * np.expm1(sign * relative)
+        found = sandwich(self.problem, self.problem.space.clipped(there), np.arange(len(there)))
+        return np.full(len(there), np.nan) if isinstance(found, Failure) else np.diag(found.inverse)
 
     @cached_property
     def travels(self) -> dict[str, float]:
@@ -326,12 +348,20 @@ def _at_a_bound(view: _View, i: int) -> Iterator[Verdict]:
 
 def _beyond(view: _View, i: int) -> str:
     """What is beyond a bound that holds an unknown."""
-    u, bound = view.problem.unknowns[i], view.bound(i)
-    if u.kind != "parameter" or u.target not in view.problem.parameters or bound not in limits(view.problem, u.target):
+    bound = view.bound(i)
+    if _means_something_beyond(view, i, bound):
         return "widen the bound or extend the model"
     if bound == 0.0:
         return "it is zero within the resolution of the data: remove it, or extend the model"
     return "beyond it means nothing, so the model lacks something"
+
+
+def _means_something_beyond(view: _View, i: int, bound: float) -> bool:
+    """Whether there are values beyond a bound that mean as much, more than a little beside those before it."""
+    u, problem = view.problem.unknowns[i], view.problem
+    own = u.kind == "parameter" and u.target in problem.parameters
+    limit = limits(problem, u.target)[bound == u.range.upper] if own else math.inf
+    return not (u.range.hard or u.complete) and abs(limit - bound) > CUT * abs(bound - float(view.x[i]))
 
 
 def _of_a_joint_that_gives(view: _View, i: int) -> Iterator[Verdict]:
@@ -492,6 +522,25 @@ def _of_presliding(view: _View, i: int) -> str:
     return ""
 
 
+def _of_no_scale(view: _View, i: int) -> Iterator[Verdict]:
+    """Whose interval is as wide as the scale of others, which the data do not see."""
+    for direction, powers in view.scales:
+        if math.isfinite(view.known.standard_error[i]) and abs(powers[i]) > GOES_ALONG:
+            partners = " and ".join(letter(view.names[k]) for k in np.flatnonzero(direction))
+            yield Verdict(view.names[i], "only in a ratio", SAYS("no-scale", text=view.shown(i), partners=partners))
+
+
+def _cut(view: _View, i: int) -> Iterator[Verdict]:
+    """Whose interval is less than half as long as the data leave it, for a bound beyond which values mean as much."""
+    for side, end in enumerate(view.known.ends[i]):
+        if abs(end - view.x[i]) > CUT * NORMAL_95 * view.known.standard_error[i]:
+            continue
+        for k, bound in view.known.stops.get((i, side), {}).items():
+            if _means_something_beyond(view, k, bound):
+                why = SAYS("cut" if k == i else "cut-by", other=letter(view.names[k]), bound=bound)
+                yield Verdict(view.names[i], "practically not", why)
+
+
 def _identifiable(view: _View, i: int) -> Iterator[Verdict]:
     u = view.problem.unknowns[i]
     own = view.moved_by(u.target) if u.kind == "order" else ()
@@ -501,7 +550,7 @@ def _identifiable(view: _View, i: int) -> Iterator[Verdict]:
 
 
 RULES: tuple[Callable[[_View, int], Iterator[Verdict]], ...] = (
-    _of_a_joint_that_gives, _of_a_springpot, _by_its_profile, _at_a_bound, _unseen, _elsewhere, _too_wide,
-    _identifiable,
+    _of_a_joint_that_gives, _of_a_springpot, _by_its_profile, _of_no_scale, _at_a_bound, _unseen, _elsewhere, _too_wide,
+    _cut, _identifiable,
 )  # fmt: skip
 """The first that gives a verdict has the word."""

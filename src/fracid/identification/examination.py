@@ -238,8 +238,6 @@ class Examination:
             return
         if (finer := finer_step(Refined(at, self.check), setting.jobs)) is not None:
             self._refine(finer)
-        known = self.check.widened(self.at.problem, self.at.x, self.at.uncertainty)  # what no finer step helped
-        self.at = replace(self.at, uncertainty=known)
 
     def _refine(self, finer: Refined) -> None:
         """Go on at a finer step, with derivatives of its own: those of the coarser one led there."""
@@ -254,6 +252,10 @@ class Examination:
         found = self._walked(self.setting.allowed / self.at.problem.simulator.work)
         if isinstance(found, Evaluation):
             return found
+        if self.check is not None and self.setting.window is None:
+            self.check = self.check.judged(self.at.problem, self.at.x, found, self.at.substeps)
+            if not (self.setting.fixed_step or self.setting.optimiser.keeps_its_own):
+                found = self.check.widened(self.at.problem, self.at.x, found)  # what no finer step helped
         self.at = replace(self.at, uncertainty=found)
         if not isinstance(found, Failure) and found.unwalked:
             self.warnings.append(SAYS("walk-cut", ends=found.unwalked))

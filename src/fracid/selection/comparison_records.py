@@ -213,8 +213,9 @@ class Comparison(CardDisplay, Record):
     @property
     def doubts(self) -> dict[str, str]:
         """What speaks against the claim, as :func:`fracid.selection.doubts.doubts` of a fit."""
-        left = self.best(fractional=self.claim == "fractional").left_over.values()
-        return {} if self.claim == "undecided" or all(e.explained for e in left) else {"Fit": LACKING}
+        left = self.best(fractional=self.claim == "fractional").left_over
+        where = " and ".join(name for name, e in left.items() if not e.noise and self.claim != "undecided")
+        return {"Fit": f"{LACKING}: the residual of {where} is correlated"} if where else {}
 
     def _card(self) -> Card:
         return Card(f"Comparison of {len(self.rows)} structures: {claimed(self.claim, self.doubts)}", (

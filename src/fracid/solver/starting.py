@@ -333,6 +333,7 @@ def _evaluate(rhs, t, x, u, p, f):
         evaluate(rhs, t[k], x[k], u[k], p, f[k])
 
 
+@np.errstate(all="ignore")  # f may be infinite anywhere
 def begun(rhs: int, runs: Sequence[Run], family: str) -> list[Start]:
     """Solve the first steps together, and give what corrects the later ones; zeros where nothing is to be corrected.
 
@@ -343,22 +344,21 @@ def begun(rhs: int, runs: Sequence[Run], family: str) -> list[Start]:
     steps = len(one.past) - 1 + one.steps
     if not (one.corrected or family == PI3):
         return [*map(_uncorrected, runs)]
-    with np.errstate(all="ignore"):  # f may be infinite anywhere
-        A, powers, moves = _look_around(rhs, runs)
-        sigmas = [exponents((*run.orders[m].tolist(),), (*of_time.tolist(),), family == PI3) if one.corrected else ()
-                  for run, of_time, m in zip(runs, powers, moves, strict=True)]  # fmt: skip
-        if len({*map(len, sigmas)}) > 1:
-            alike = [[k for k, sigma in enumerate(sigmas) if len(sigma) == count] for count in {*map(len, sigmas)}]
-            found = [begun(rhs, [runs[k] for k in few], family) for few in alike]
-            of = dict(zip(chain(*alike), chain(*found), strict=True))
-            return [of[k] for k in range(len(runs))]
-        s = _steps_together(family, sigmas[0])
-        if s == 0 or (steps < s and len(one.u) > 1):  # no inputs are known beyond the end
-            return [*map(_uncorrected, runs)]
-        tables = [_with_fading(run, corrections(family, tuple(run.orders.tolist()), sigma, steps + 8))
-                  for run, sigma in zip(runs, sigmas, strict=True)]  # fmt: skip
-        fit, M, _, errors = (np.stack(part) for part in zip(*tables, strict=True))
-        settled, x, f, base = _solved_together(rhs, runs, A, M)
+    A, powers, moves = _look_around(rhs, runs)
+    sigmas = [exponents((*run.orders[m].tolist(),), (*of_time.tolist(),), family == PI3) if one.corrected else ()
+              for run, of_time, m in zip(runs, powers, moves, strict=True)]  # fmt: skip
+    if len({*map(len, sigmas)}) > 1:
+        alike = [[k for k, sigma in enumerate(sigmas) if len(sigma) == count] for count in {*map(len, sigmas)}]
+        found = [begun(rhs, [runs[k] for k in few], family) for few in alike]
+        of = dict(zip(chain(*alike), chain(*found), strict=True))
+        return [of[k] for k in range(len(runs))]
+    s = _steps_together(family, sigmas[0])
+    if s == 0 or (steps < s and len(one.u) > 1):  # no inputs are known beyond the end
+        return [*map(_uncorrected, runs)]
+    tables = [_with_fading(run, corrections(family, tuple(run.orders.tolist()), sigma, steps + 8))
+              for run, sigma in zip(runs, sigmas, strict=True)]  # fmt: skip
+    fit, M, _, errors = (np.stack(part) for part in zip(*tables, strict=True))
+    settled, x, f, base = _solved_together(rhs, runs, A, M)
     f[:, 1:] -= f[:, :1]
     knots = tables[0].knots
     C = np.einsum("rei,rien->rin", fit @ f, errors) + [_held(run, knots) for run in runs]

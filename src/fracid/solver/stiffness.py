@@ -13,6 +13,8 @@ by about the eigenvalues μ of
 steps       2π over the largest \|Im μ\|: steps for each period of the fastest oscillation.  With fewer than
             :data:`STEPS_A_PERIOD`, a scheme of order 2 has its frequency wrong by more than :math:`(2π/20)^2/12`, 1 %,
             and constants are fitted to that error.
+growth      the largest real μ.  Above 1 a deviation grows more than e-fold in a step; an implicit scheme damps it or
+            changes its sign, and ends at rest where the solution leaves, or on the branch at the other side.
 
 **Above order 1** the equation of ``pi2`` has a limit of its own, whoever solves it.  With x growing like
 :math:`e^{sn}` over n steps, equation and scheme are both det(1 − diag(σ_i(s) g_i) J) = 0, where
@@ -71,6 +73,9 @@ STEPS_A_PERIOD = 20.0
 
 LOOKED_AT = 3
 """Samples of a run at which J is asked for."""
+
+JUMP = 0.2
+"""A change of a state from sample to sample by more than this part of its range is a jump."""
 
 USUAL = 3.0
 """A state beyond this many times its usual size is on its way out."""
@@ -299,7 +304,8 @@ def fault_of(
     last = len(run.time) - 1
     if not run.completed:
         last = max(1, _growing_from(run) - 1) if last > 1 else 0  # the second may be on its way out
-    linear = [_at(run, last * k // (LOOKED_AT - 1), rhs, inputs, parameters=parameters) for k in range(LOOKED_AT)]
+    samples = [last * k // (LOOKED_AT - 1) for k in range(LOOKED_AT)] + _jumps_after(run)
+    linear = [_at(run, k, rhs, inputs, parameters=parameters) for k in samples]
     if run.completed and max(_bound(gain[:, None] * J) for J in linear) < 2 * math.pi / STEPS_A_PERIOD:
         return None
     length, method = round((end - run.origin) / run.step), METHODS[run.method]
@@ -320,12 +326,27 @@ def fault_of(
         return _low_order(run, linear, gain)
     if method.family == "pi" and (ringing := _rings(run, largest)):
         return ringing
-    steps = sorted(map(steps_a_period, spectra))[LOOKED_AT // 2]
+    if (growth := max(map(_growth, spectra))) > 1:
+        parts = (10 * growth) ** (1 / float(np.max(run.orders)))
+        return SAYS.finding("outgrown", "", growth, 1.0, run=run, shorter=run.step / parts)
+    steps = sorted(map(steps_a_period, spectra[:LOOKED_AT]))[LOOKED_AT // 2]
     if steps < STEPS_A_PERIOD:
         shorter = run.step * steps / (2 * STEPS_A_PERIOD)
         return SAYS.finding("coarse-steps", "", steps, STEPS_A_PERIOD, percent=100 * (2 * math.pi / steps) ** 2 / 12,
                             shorter=shorter)  # fmt: skip
     return None
+
+
+def _growth(eigenvalues: NDArray[np.complex128]) -> float:
+    """The largest μ of what grows rather than swings; 0 where nothing does."""
+    return max((float(m.real) for m in eigenvalues if m.real > abs(m.imag)), default=0.0)
+
+
+def _jumps_after(run: Trajectory) -> list[int]:
+    """The sample before the largest change, where that is a jump: at what it leaps over nobody looks else."""
+    change, ranges = np.abs(np.diff(run.states, axis=0)), np.ptp(run.states, axis=0)
+    part = np.max(change / np.where(ranges > 0, ranges, 1.0), axis=1, initial=0.0)
+    return [int(np.argmax(part))] if run.completed and np.max(part, initial=0.0) > JUMP else []
 
 
 def _largest(spectra: list[NDArray[np.complex128]]) -> float:

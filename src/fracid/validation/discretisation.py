@@ -76,6 +76,26 @@ class Discretisation(Record):
         cost, half, second = on_all_samples(problem, found, here, there).tolist()
         return replace(self, cost=cost, cost_half_step=half, cost_second_order=second)
 
+    def judged(self, problem: Problem, x: FloatArray, known: Uncertainty | Failure, substeps: int) -> Discretisation:
+        """With the warning that its moves are worth beside these intervals of x."""
+        if not self.moves:
+            return self
+        halves = {u.name: half_width(known, x, i) for i, u in enumerate(problem.unknowns)}
+        width = {n: halves[problem.ties.get(n, n)] or LEAST_SHIFT for n in self.shift}  # the least that counts
+        moved = [n for n, shift in self.shift.items() if abs(shift) > max(LEAST_SHIFT, width[n])]
+        coarse = _costs_differ(problem.method, self)
+        says = [SAYS("too-coarse", costs=(self.cost, self.cost_half_step), substeps=2 * substeps)] if coarse else []
+        says += [SAYS("moves", name=letter(n), shift=_signed(self.shift[n], width[n]),
+                      width=shown_half_width(width[n]), method=problem.method) for n in moved]  # fmt: skip
+        beyond = [SAYS("by", name=u.name, shift=_signed(move, half), width=to_second_digit(half, half))
+                  for u in problem.unknowns for half, move in [(halves[u.name], self.moves.get(u.name, 0.0))]
+                  if u.kind != "order" and half and abs(move) > half]  # fmt: skip
+        says += [SAYS("move-too", beyond=", ".join(beyond))] if says and beyond else []
+        if moved and not coarse:
+            remedy = f"substeps = {2 * substeps}" if problem.method == "pi2" else 'method = "pi2"'
+            says.append(SAYS("type", remedy=remedy))
+        return replace(self, warning=" ".join(says))
+
     def widened(self, problem: Problem, x: FloatArray, known: Uncertainty | Failure) -> Uncertainty | Failure:
         """Intervals that allow for what the step moves, where that is more than :data:`QUIET` of their half-width."""
         if isinstance(known, Failure):
@@ -170,24 +190,12 @@ def _judged(
     at = problem.free_orders
     at |= {name: at[to] for name, to in problem.ties.items() if to in at}
     shift = {n: float(finer[i] - x[i]) for n, i in at.items()}
-    width = {n: half_width(known, x, i) or LEAST_SHIFT for n, i in at.items()}  # without one, the least that counts
-    moved = [n for n in at if abs(shift[n]) > max(LEAST_SHIFT, width[n])]
     halves = [half_width(known, x, i) for i in range(len(x))]
     largest = max((abs(float(b - a)) / half for a, b, half in zip(x, finer, halves, strict=True) if half), default=0.0)
     moves = {u.name: float(finer[i] - x[i]) for i, u in enumerate(problem.unknowns)
              if u.experiment is None or len(problem.recordings) == 1}  # fmt: skip
     check = Discretisation(*costs, {n: float(finer[i]) for n, i in at.items()}, shift, largest, moves=moves)
-    coarse = _costs_differ(problem.method, check)
-    says = [SAYS("too-coarse", costs=costs, substeps=2 * substeps)] if coarse else []
-    says += [SAYS("moves", name=letter(n), shift=_signed(shift[n], width[n]), width=shown_half_width(width[n]),
-                  method=problem.method) for n in moved]  # fmt: skip
-    beyond = [SAYS("by", name=u.name, shift=_signed(moves[u.name], half), width=to_second_digit(half, half))
-              for u, half in zip(problem.unknowns, halves, strict=True)
-              if u.kind != "order" and half and abs(moves.get(u.name, 0.0)) > half]  # fmt: skip
-    says += [SAYS("move-too", beyond=", ".join(beyond))] if says and beyond else []
-    if moved and not coarse:
-        says.append(SAYS("type", remedy=f"substeps = {2 * substeps}" if problem.method == "pi2" else 'method = "pi2"'))
-    return replace(check, warning=" ".join(says))
+    return check.judged(problem, x, known, substeps)
 
 
 def _signed(shift: float, width: float) -> str:
