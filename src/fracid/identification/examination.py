@@ -73,6 +73,7 @@ from fracid.selection.integer_rival import Alternative, beside_fit, claimable_va
 from fracid.selection.opened_bounds import LOWER, open_bounds
 from fracid.selection.residual_noise import leftovers
 from fracid.signals.left_over import LeftOver
+from fracid.solver.methods import METHODS
 from fracid.tasks.progress import Observer
 from fracid.validation.after_search import after, between_samples, failed, with_start
 from fracid.validation.discretisation import (
@@ -254,8 +255,8 @@ class Examination:
             return found
         if self.check is not None and self.setting.window is None:
             self.check = self.check.judged(self.at.problem, self.at.x, found, self.at.substeps)
-            if not (self.setting.fixed_step or self.setting.optimiser.keeps_its_own):
-                found = self.check.widened(self.at.problem, self.at.x, found)  # what no finer step helped
+            if not (METHODS[self.at.problem.method].raw or self.setting.optimiser.keeps_its_own):
+                found = self.check.widened(self.at.problem, self.at.x, found)  # what no finer step took away
         self.at = replace(self.at, uncertainty=found)
         if not isinstance(found, Failure) and found.unwalked:
             self.warnings.append(SAYS("walk-cut", ends=found.unwalked))
