@@ -1,7 +1,7 @@
 """The array types of fracid: 64-bit floats, and indices.  Shapes and units stand in the docstrings."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from numbers import Real
 from typing import Any, TypeVar
@@ -15,6 +15,12 @@ FloatArray = NDArray[np.float64]
 
 IntArray = NDArray[np.int64]
 """For indices."""
+
+BoolArray = NDArray[np.bool_]
+"""Which of them."""
+
+Signals = Mapping[str, FloatArray]
+"""Name → samples, shape (n_samples,)."""
 
 Name = TypeVar("Name")
 

@@ -47,7 +47,7 @@ def _interpolated():
     ids=["exact", "offset", "float32", "digits", "degrees", "written twice", "two formats", "interpolated", "dithered"],
 )
 def test_an_encoder_is_found_however_its_counts_are_written(written):
-    report = measure_signal("alpha", "rad", T, written)
+    report = measure_signal("alpha", "rad", T, written, written)
     assert report.resolution == pytest.approx(Q, rel=1e-5)
     assert report.counts_per_turn == 4096
 
@@ -82,7 +82,7 @@ def test_digits_of_a_file_are_not_counts_a_turn():
     """A step of 10⁻⁶ rad is 6,283,185.3 counts: of no encoder."""
     rng = np.random.default_rng(4)
     x = np.round(1e-3 * np.sin(6 * T) + 1e-6 * rng.standard_normal(len(T)), 6)
-    report = measure_signal("alpha", "rad", T, x)
+    report = measure_signal("alpha", "rad", T, x, x)
     assert report.resolution == pytest.approx(1e-6)
     assert report.counts_per_turn is None
 

@@ -52,9 +52,8 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import BoolArray, FloatArray
 from fracid.errors import Failure, InputError
 from fracid.estimation.covariance import sandwich
 from fracid.estimation.derivatives import differences, row_weights, scores_of
@@ -309,9 +308,7 @@ def _degrees(widening: float) -> float:
     return float(np.clip(stdtridf(0.975, NORMAL_95 * widening), FEWEST_DEGREES, MOST_DEGREES))
 
 
-def approximation(
-    likelihood: RecordedLikelihood, prior: BoxPrior, at_bound: NDArray[np.bool_]
-) -> GaussianApproximation:
+def approximation(likelihood: RecordedLikelihood, prior: BoxPrior, at_bound: BoolArray) -> GaussianApproximation:
     """The Gaussian that has the likelihood's curvature, times the prior's; a uniform one counts by its variance.
 
     Parameters

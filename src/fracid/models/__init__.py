@@ -113,21 +113,19 @@ def model_from_name(
 
 def _built(thing: Any, options: Mapping[str, str], name: str) -> Model:
     """Return the Model that a user's attribute is or makes."""
+    others = [key for key in options if key != "zero"]
+    if isinstance(thing, Model) and others:
+        raise InputError(f"model {name!r} is a Model, which knows no {others[0]}: leave {others[0]} out")
     if callable(thing) and not isinstance(thing, Model):
         try:
-            model = thing(**options)
+            thing = thing(**options)
         except InputError:
             raise
         except Exception as error:
             reason = f"{type(error).__name__}: {error}"
             raise InputError(f"model {name!r} cannot be called with {dict(options)}: {reason}") from error
-    else:
-        model = thing
-        others = [key for key in options if key != "zero"]
-        if others and isinstance(model, Model):
-            raise InputError(f"model {name!r} is a Model, which knows no {others[0]}: leave {others[0]} out")
-    if not isinstance(model, Model):
-        raise InputError(f"model {name!r} is {model!r}: expected a fracid Model or a function that returns one")
-    if options.get("zero", model.zero) != model.zero:
-        raise InputError(f"model {name!r} has zero = {model.zero!r}, not {options['zero']!r}: write its own, or none")
-    return model
+    if not isinstance(thing, Model):
+        raise InputError(f"model {name!r} is {thing!r}: expected a fracid Model or a function that returns one")
+    if options.get("zero", thing.zero) != thing.zero:
+        raise InputError(f"model {name!r} has zero = {thing.zero!r}, not {options['zero']!r}: write its own, or none")
+    return thing

@@ -43,9 +43,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import BoolArray, FloatArray
 from fracid.errors import InputError, refuse_unknown
 from fracid.findings import Words
 from fracid.safety.user_code import attribute_of, is_own
@@ -56,7 +55,7 @@ SAYS = Words("problem/checks.toml")
 OF_A_FILE = "fracid_user_cost_"
 """So the modules of costs begin whose code is a file of one's own."""
 
-Scored = NDArray[np.bool_] | None
+Scored = BoolArray | None
 """Which samples count, shape (n_samples,); None for all."""
 
 HUBER = math.radians(1.0)

@@ -44,9 +44,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import BoolArray, FloatArray
 from fracid.errors import InputError
 from fracid.findings import Words, with_code
 from fracid.models import RIGS, Model, rotary_pendulum
@@ -434,7 +433,7 @@ def _window(recording: Recording) -> tuple[dict[str, float | None], tuple[str, .
     return {"start": start, "stop": stop}, (f"From {low:.4g} to {high:.4g} s {sound_is}: that part is fitted.",)
 
 
-def _breaks(recording: Recording) -> NDArray[np.bool_]:
+def _breaks(recording: Recording) -> BoolArray:
     """After which samples the clock goes back, repeats itself, jumps, or misses a part of a swing, shape (n - 1,)."""
     t, alpha = recording.time, recording.signals["alpha"]
     dt, clock = np.diff(t), recording.report.clock

@@ -15,9 +15,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray, real_array, step_means
+from fracid.arrays import BoolArray, FloatArray, real_array, step_means
 from fracid.cards import CardDisplay
 from fracid.errors import InputError, brief, refuse_unknown
 from fracid.findings import Words
@@ -227,7 +226,7 @@ class Experiment(CardDisplay):
         return max((max(s.latest, s.earliest) for s in sensors), default=0.0)
 
     @cached_property
-    def scored(self) -> NDArray[np.bool_] | None:
+    def scored(self) -> BoolArray | None:
         """Which samples count, shape (n_samples,); None for all.
 
         Not those of the mask, nor the first, up to the longest delay: they show what came before the start.

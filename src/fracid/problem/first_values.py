@@ -20,7 +20,7 @@ from itertools import product
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, Signals
 from fracid.models import Model
 from fracid.models.joints import Complement
 from fracid.models.written.equations import NONE, dimension
@@ -74,7 +74,7 @@ class FirstValues:
 
 
 def first_values(
-    model: Model, step: float, signals: Mapping[str, FloatArray], free: Sequence[str], optional: Sequence[str] = (),
+    model: Model, step: float, signals: Signals, free: Sequence[str], optional: Sequence[str] = (),
     starts: Mapping[str, float] | None = None,
 ) -> FirstValues:  # fmt: skip
     """Estimate a model's constants from one recording.
@@ -185,9 +185,7 @@ def _is_lower(cost: float, other: float) -> bool:
 class _Equations:
     """The residuals of the equations at some samples of a recording."""
 
-    def __init__(
-        self, model: Model, step: float, signals: Mapping[str, FloatArray], starts: Mapping[str, float]
-    ) -> None:
+    def __init__(self, model: Model, step: float, signals: Signals, starts: Mapping[str, float]) -> None:
         from scipy.ndimage import gaussian_filter1d
 
         self.model = model

@@ -35,7 +35,7 @@ from fracid.problem.roles import named_columns, roles_of
 from fracid.problem.sensors import QUANTITIES, integrated, with_rates
 from fracid.recording import Recording, Table
 from fracid.recording.columns import unit_of_header
-from fracid.recording.guess import Columns, in_one_unit, place_or_name, unit_of
+from fracid.recording.guess import Columns, Fields, in_one_unit, place_or_name, unit_of
 
 SAYS = Words("problem/model_draft.toml")
 
@@ -91,7 +91,7 @@ def draft_of_model(
     return _ModelPage(name, source, more, columns, zero=zero).draft()
 
 
-def channels_of(model: Model, roles: Mapping[str, str], raw: Recording) -> dict[str, tuple[dict[str, Any], str]]:
+def channels_of(model: Model, roles: Mapping[str, str], raw: Recording) -> dict[str, Fields]:
     """The channels of a model's signals, signal → column, and what their units are taken from.
 
     Examples
@@ -106,7 +106,7 @@ def channels_of(model: Model, roles: Mapping[str, str], raw: Recording) -> dict[
             for n, (c, fields, why) in guesses.items()}  # fmt: skip
 
 
-def _unit(model: Model, name: str, raw: Recording, column: str) -> tuple[dict[str, Any], str]:
+def _unit(model: Model, name: str, raw: Recording, column: str) -> Fields:
     """The unit of a signal that no header says, and what it is taken from."""
     unit, own = model.unit_of(name), raw.units[column]
     if column in raw.assumed:

@@ -34,15 +34,14 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray, by_name
+from fracid.arrays import BoolArray, FloatArray, by_name
 from fracid.models import Model
 from fracid.optimise import Space
 from fracid.problem.experiment import Experiment
 from fracid.problem.past import Past
 from fracid.problem.sensors import Reading, Sensor, integrated
-from fracid.problem.unknowns import Free, InitialState, Prior, Tied, Unknown, Value, root_of, starting_value
+from fracid.problem.unknowns import Free, InitialState, Prior, Tied, Unknown, Values, root_of, starting_value
 from fracid.solver.right_hand_side import compile_rhs
 
 SOON = 10
@@ -85,9 +84,9 @@ class Parametrisation:
 
     model: Model
     experiments: tuple[Experiment, ...]
-    orders: Mapping[str, Value]
+    orders: Values
     """One per order's name: a number is fixed."""
-    parameters: Mapping[str, Value] = field(default_factory=dict)
+    parameters: Values = field(default_factory=dict)
     """Those that differ from the model's own values: a number is fixed."""
     per_recording: tuple[str, ...] = ()
     """Names of free parameters that each recording has for itself."""
@@ -142,7 +141,7 @@ class Parametrisation:
         scale = np.array([math.nan if u.range.scale is None else u.range.scale for u in self.unknowns])
         return Space(self.names, lower, upper, self.start, scale=None if np.all(np.isnan(scale)) else scale)
 
-    def absent(self, x: FloatArray) -> NDArray[np.bool_]:
+    def absent(self, x: FloatArray) -> BoolArray:
         """Unknowns of elements that are not there at x and that no small step brings in, shape (n_unknowns,).
 
         Their cost jumps (:attr:`fracid.models.friction.Friction.jumps`), or they act only with one that is not there.

@@ -41,7 +41,7 @@ from fracid.problem.experiment import Experiment
 from fracid.problem.parametrisation import EVERY, Parametrisation
 from fracid.problem.sensors import with_sensors
 from fracid.problem.simulator import Simulator
-from fracid.problem.unknowns import Free, Tied, Value, Weights, Windows, starting_value
+from fracid.problem.unknowns import Free, Tied, Values, Weights, Windows, starting_value
 from fracid.safety.kinds import refuse_other_kinds
 from fracid.solver.memory import Memory, compressed
 from fracid.solver.solve import MOST, RUNS, go_together
@@ -301,9 +301,7 @@ class Problem(Parametrisation, CardDisplay):
         return replace(self, experiments=tuple(moving))
 
 
-def alternative_of(
-    problem: Problem, model: Model, orders: Mapping[str, Value], parameters: Mapping[str, Value]
-) -> Problem:
+def alternative_of(problem: Problem, model: Model, orders: Values, parameters: Values) -> Problem:
     """Another model for the recordings of a problem, judged alike.
 
     Examples

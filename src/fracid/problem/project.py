@@ -78,7 +78,7 @@ from fracid.problem.presets import PRESETS
 from fracid.problem.problem import Problem, alternative_of
 from fracid.problem.roles import ROTARY
 from fracid.problem.sensors import QUANTITIES, Sensor, with_rates
-from fracid.problem.unknowns import Free, Prior, Tied, Value, Windows, starting_value
+from fracid.problem.unknowns import Free, Prior, Tied, Value, Values, Windows, starting_value
 from fracid.recording import Recording, load_recording
 from fracid.recording.channel import UNITS, Channel
 from fracid.recording.loading import resampled
@@ -562,7 +562,7 @@ def _model(spec: _Model, folder: Path, paper: bool) -> tuple[Model, dict[str, Va
     return model, {n: v for n, v in parameters.items() if n in model.parameter_names}
 
 
-def _of_equations(spec: _Model, parameters: Mapping[str, Value]) -> Model:
+def _of_equations(spec: _Model, parameters: Values) -> Model:
     """The model that the file's own equations are; nothing of them is run."""
     if spec.name in MODELS or is_own(spec.name):
         raise InputError(SAYS("other-model", spec=spec))
@@ -582,7 +582,7 @@ def _plain(values: Mapping[str, _Value]) -> dict[str, Value]:
 
 
 def _freed_by_recording(
-    per_recording: list[str], experiments: list[Experiment], parameters: Mapping[str, Value], model: Model
+    per_recording: list[str], experiments: list[Experiment], parameters: Values, model: Model
 ) -> dict[str, Value]:
     """An angle that `per_recording` names is free within a radian of its value, where no range is given for it."""
     channels = [pair for e in experiments for pair in {**e.sensors, **e.actuators}.items()]

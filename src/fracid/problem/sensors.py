@@ -35,7 +35,7 @@ from fracid.findings import Words
 from fracid.models import Model, Parameter
 from fracid.models.written.formulas import Formula
 from fracid.models.written.tree import Entry, Function, Number, Return
-from fracid.problem.unknowns import Free, Value, ends_of
+from fracid.problem.unknowns import Free, Values, ends_of
 from fracid.safety.door import own_text
 
 SAYS = Words("problem/sensors.toml")
@@ -179,8 +179,8 @@ def integrated(signal: FloatArray, step: float | FloatArray, degree: int) -> tup
 
 
 def with_sensors(
-    model: Model, parameters: Mapping[str, Value], sensors: Iterable[Mapping[str, Sensor]], units: Mapping[str, str]
-) -> tuple[Model, Mapping[str, Value]]:
+    model: Model, parameters: Values, sensors: Iterable[Mapping[str, Sensor]], units: Mapping[str, str]
+) -> tuple[Model, Values]:
     """Give a model the parameters of its free sensors, behind its own, and each its range where it has none yet.
 
     Parameters

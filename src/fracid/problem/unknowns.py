@@ -106,6 +106,9 @@ class Tied:
 Value = float | Free | Tied
 """A number is fixed."""
 
+Values = Mapping[str, Value]
+"""By the name of an order or a parameter."""
+
 
 @dataclass(frozen=True)
 class Unknown:
@@ -156,7 +159,7 @@ def scaled(value: float | Free, factor: float) -> float | Free:
     return Free(factor * value.start, lower, upper, prior, scale=value.scale and abs(factor) * value.scale)
 
 
-def root_of(what: str, name: str, values: Mapping[str, Value]) -> str:
+def root_of(what: str, name: str, values: Values) -> str:
     """Follow the ties from a name to the one that is tied to none."""
     path = [name]
     while isinstance(value := values.get(path[-1]), Tied):

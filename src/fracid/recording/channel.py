@@ -19,7 +19,6 @@ from numbers import Integral
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import LARGEST, SMALLEST, DataError, InputError, brief, is_number, refuse_beyond, refuse_unknown
@@ -127,7 +126,7 @@ class Channel:
         """The unit of the signal: that of the second column of ``UNITS``."""
         return UNITS[self.unit or "rad"][1]
 
-    def convert(self, raw: NDArray[np.float64], name: str = "the signal") -> NDArray[np.float64]:
+    def convert(self, raw: FloatArray, name: str = "the signal") -> FloatArray:
         """Return the signal from the raw column.
 
         Parameters
@@ -234,7 +233,7 @@ def without_unit(name: str) -> str:
     return _parted(re.sub(r"\s*[\[(].*", "", name))[0]
 
 
-def _rest(value: NDArray[np.float64], name: str) -> float:
+def _rest(value: FloatArray, name: str) -> float:
     rest, moving, at_rest = tail(value)
     if not at_rest:
         raise DataError(SAYS("moving-tail", name=name, moving=moving))

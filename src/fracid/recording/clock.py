@@ -25,9 +25,8 @@ from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import BoolArray, FloatArray
 from fracid.errors import DataError, InputError, brief
 from fracid.findings import Finding, Note, Words
 from fracid.recording.channel import TABLES, measurable
@@ -88,7 +87,7 @@ class _Said:
     findings: tuple[Finding, ...] = ()
 
 
-def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tuple[FloatArray, NDArray[np.bool_], _Said]:
+def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tuple[FloatArray, BoolArray, _Said]:
     """Return time stamps, the rows that have one, and what was done."""
     spec = dict(time) if isinstance(time, Mapping) else {} if time is None else {"column": time}
     extras = set(spec) - {"column", "unit", "rate", "zero"}
@@ -158,7 +157,7 @@ def _refuse_no_clock(stamps: FloatArray, table: Table) -> None:
         raise DataError(SAYS("no-clock", table=table, least=steps.min(), most=steps.max(), seconds=np.ptp(stamps)))
 
 
-def _from_rate(table: Table, rate: Any) -> tuple[FloatArray, NDArray[np.bool_], _Said]:
+def _from_rate(table: Table, rate: Any) -> tuple[FloatArray, BoolArray, _Said]:
     if not isinstance(rate, Real) or isinstance(rate, bool) or not 0 < float(rate) < np.inf:
         raise InputError(f"rate = {brief(rate)} is not possible; expected samples a second, e.g. 1000.")
     n, rate = len(table.values), float(rate)

@@ -16,9 +16,8 @@ from itertools import takewhile
 from operator import eq
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import BoolArray, FloatArray
 from fracid.errors import DataError, InputError, brief
 from fracid.findings import Finding, Note, Words
 from fracid.recording.channel import COUNTING, UNITS, Channel, Specs, header_unit, unit_in_name
@@ -36,7 +35,7 @@ MOST_SIGNALS = 200
 
 
 def choose_channels(
-    table: Table, columns: Specs | None, time: int | None, rows: NDArray[np.bool_]
+    table: Table, columns: Specs | None, time: int | None, rows: BoolArray
 ) -> tuple[dict[str, Channel], list[str]]:
     """Return the channels asked for, or all columns that vary, and what was guessed."""
     if columns is not None:
@@ -97,9 +96,7 @@ def unit_of_header(table: Table, column: int) -> str | None:
     return header_unit(table.units[column] or unit_in_name(table.names[column]))
 
 
-def channel_with_unit(
-    table: Table, name: str, channel: Channel, *, guessed: bool
-) -> tuple[Channel, str | Finding | None]:
+def channel_with_unit(table: Table, name: str, channel: Channel, guessed: bool) -> tuple[Channel, str | Finding | None]:
     """Return the channel with a unit (its own, the header's, or rad), and what is to be said of that."""
     column, counts = table.find(channel.column), channel.counts_per_turn
     header = table.units[column] or unit_in_name(table.names[column])

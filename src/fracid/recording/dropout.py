@@ -23,9 +23,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray, stretches
+from fracid.arrays import BoolArray, FloatArray, Signals, stretches
 from fracid.findings import Finding
 from fracid.recording.backwards import SAYS
 from fracid.signals.noise import white_noise
@@ -73,7 +72,7 @@ class Dropout:
     """In words."""
 
 
-def dropouts(time: FloatArray, signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> tuple[Dropout, ...]:
+def dropouts(time: FloatArray, signals: Signals, units: Mapping[str, str]) -> tuple[Dropout, ...]:
     """Find where angles drop out.
 
     Parameters
@@ -97,7 +96,7 @@ def dropouts(time: FloatArray, signals: Mapping[str, FloatArray], units: Mapping
     return tuple(d for n in angles for d in _of_signal(n, time, angles))
 
 
-def without_dropouts(signals: Mapping[str, FloatArray], found: tuple[Dropout, ...]) -> dict[str, FloatArray]:
+def without_dropouts(signals: Signals, found: tuple[Dropout, ...]) -> dict[str, FloatArray]:
     """Signals with NaN where they drop out.
 
     Examples
@@ -131,7 +130,7 @@ def dropout_finding(found: Sequence[Dropout], time: FloatArray) -> Finding:
                         typed=" and ".join(typed))  # fmt: skip
 
 
-def _of_signal(name: str, time: FloatArray, angles: Mapping[str, FloatArray]) -> Iterator[Dropout]:
+def _of_signal(name: str, time: FloatArray, angles: Signals) -> Iterator[Dropout]:
     x = angles[name]
     if not (runs := _standstills(x)):
         return
@@ -165,7 +164,7 @@ def _standstills(x: FloatArray) -> list[tuple[int, int]]:
     return sorted((int(first[k]), int(last[k]) + 1) for k in longest if LONG <= length[k] < x.size)
 
 
-def _jumps(x: FloatArray, a: int, step: float, even: NDArray[np.bool_]) -> bool:
+def _jumps(x: FloatArray, a: int, step: float, even: BoolArray) -> bool:
     """Whether it jumps from the sample before `a` to that one, beside how it moves before; not by a whole turn."""
     if a <= BESIDE or not even[a - 1]:
         return False
@@ -184,7 +183,7 @@ def _moves(x: FloatArray, a: int, step: float) -> bool:
     return bool(far > FAR * step and far > 0.9 * float(np.sum(np.abs(way))))
 
 
-def _lost_noise(name: str, a: int, b: int, angles: Mapping[str, FloatArray], noise: float, moving: bool) -> str:
+def _lost_noise(name: str, a: int, b: int, angles: Signals, noise: float, moving: bool) -> str:
     """Why a standstill after `a` is none of the rig; "" where it may be one."""
     others = []  # another angle moves meanwhile, by many steps and beyond its noise
     for n, x in angles.items():

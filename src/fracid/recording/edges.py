@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, Signals
 
 FEWEST = 100
 """Rows."""
@@ -25,7 +25,7 @@ UNEVEN = 0.2
 """Scatter of the times between rows, in their mean: what is sampled has less."""
 
 
-def counts_at_edges(time: FloatArray, signals: Mapping[str, FloatArray]) -> dict[str, float]:
+def counts_at_edges(time: FloatArray, signals: Signals) -> dict[str, float]:
     """Signal → its count, of encoders of which each row is an edge; empty where rows are samples.
 
     Examples
@@ -53,9 +53,7 @@ def counts_at_edges(time: FloatArray, signals: Mapping[str, FloatArray]) -> dict
     return counts if np.mean(moved) > ALMOST_ALL else {}
 
 
-def between_edges(
-    time: FloatArray, signals: Mapping[str, FloatArray], counts: Mapping[str, float]
-) -> tuple[FloatArray, dict[str, FloatArray]]:
+def between_edges(time: FloatArray, signals: Signals, counts: Mapping[str, float]) -> tuple[FloatArray, Signals]:
     """A grid of as many samples as there are rows, and the signals on it; those without edges go in lines."""
     from scipy.interpolate import Akima1DInterpolator
 

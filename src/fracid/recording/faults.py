@@ -51,13 +51,12 @@ Sampling
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import groupby
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray, stretches
+from fracid.arrays import BoolArray, FloatArray, Signals, stretches
 from fracid.findings import Finding
 from fracid.recording.backwards import SAYS, counted_backwards
 from fracid.recording.clock import SECONDS
@@ -135,9 +134,7 @@ LONGEST = 2**20
 """Samples whose spectrum is taken: the part that moves most."""
 
 
-def signal_faults(
-    time: FloatArray, signals: Mapping[str, FloatArray], reports: Sequence[SignalReport]
-) -> tuple[Finding, ...]:
+def signal_faults(time: FloatArray, signals: Signals, reports: Sequence[SignalReport]) -> tuple[Finding, ...]:
     """Look for the faults of the module's first screen.
 
     Parameters
@@ -382,7 +379,7 @@ def _median_of_three(x: FloatArray) -> FloatArray:
     return np.asarray(np.median([x[:-2], x[1:-1], x[2:]], axis=0))
 
 
-def wraps(x: FloatArray) -> NDArray[np.bool_]:
+def wraps(x: FloatArray) -> BoolArray:
     """Where an angle jumps by a whole turn to the next sample, shape (n - 1,); nowhere if it jumps otherwise too.
 
     Examples

@@ -37,6 +37,9 @@ from fracid.safety.door import own_text
 Columns = dict[str, dict[str, Any]]
 """Signal → the fields of its channel, ``column`` first."""
 
+Fields = tuple[dict[str, Any], str]
+"""Of the unit of a signal, and what these are guessed from."""
+
 Guess = tuple[str, dict[str, Any], str]
 """A signal of a recording, the fields of its unit, and what these are guessed from."""
 
@@ -112,7 +115,7 @@ def guess_columns(recording: Recording, header: Sequence[str] = ()) -> tuple[Col
     return columns, tuple(notes)
 
 
-def guessed_units(recording: Recording, *, named: bool) -> dict[str, tuple[dict[str, Any], str]]:
+def guessed_units(recording: Recording, *, named: bool) -> dict[str, Fields]:
     """The units of the signals of which neither the caller nor the file says one.
 
     Parameters
@@ -218,7 +221,7 @@ def in_one_unit(recording: Recording, guesses: Mapping[str, Guess]) -> dict[str,
     return found
 
 
-def unit_of(recording: Recording, name: str, what: str) -> tuple[dict[str, Any], str]:
+def unit_of(recording: Recording, name: str, what: str) -> Fields:
     """Unit and counts of a signal, and a clause that says what they are guessed from.
 
     Examples

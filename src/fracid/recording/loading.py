@@ -19,16 +19,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import BoolArray, FloatArray
 from fracid.errors import DataError, InputError, brief
 from fracid.findings import Finding
 from fracid.recording.channel import COUNTING, SAYS, Channel, Specs, constant, header_unit, measurable
 from fracid.recording.clock import read_clock, short_text, unrolled
 from fracid.recording.columns import channel_with_unit, choose_channels, hold_blanks, refuse_shared, unit_of_header
 from fracid.recording.faults import still
-from fracid.recording.guess import guessed_units, is_angle
+from fracid.recording.guess import Fields, guessed_units, is_angle
 from fracid.recording.readers.table import Table, read_table
 from fracid.recording.recording import Recording, demand_fitness, read_only
 from fracid.recording.report import measure
@@ -193,9 +192,7 @@ def inspect_recording(
     return whole if start is None and stop is None else whole.trim(start, stop)
 
 
-def _without_repeats(
-    table: Table, clock: FloatArray, rows: NDArray[np.bool_]
-) -> tuple[FloatArray, NDArray[np.bool_], tuple[str, ...]]:
+def _without_repeats(table: Table, clock: FloatArray, rows: BoolArray) -> tuple[FloatArray, BoolArray, tuple[str, ...]]:
     """Leave rows out that repeat the one before, stamp and values: written twice, they say nothing new."""
     values = table.values[rows]
     same = (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
@@ -209,7 +206,7 @@ def _without_repeats(
 
 
 def _signals(
-    table: Table, rows: NDArray[np.bool_], channels: Mapping[str, Channel], chosen: bool, guesses: Mapping[str, str]
+    table: Table, rows: BoolArray, channels: Mapping[str, Channel], chosen: bool, guesses: Mapping[str, str]
 ) -> tuple[dict[str, tuple[FloatArray, str]], frozenset[str], list[str | Finding]]:
     """Signal → samples and unit; the signals whose unit nobody says; and what was done, and found."""
     signals, assumed, sentences = dict[str, tuple[FloatArray, str]](), set[str](), list[str | Finding]()
@@ -232,9 +229,7 @@ def _signals(
     return signals, frozenset(assumed), sentences
 
 
-def _left_out(
-    table: Table, rows: NDArray[np.bool_], channels: Mapping[str, Channel], time: int | None
-) -> Iterator[Finding]:
+def _left_out(table: Table, rows: BoolArray, channels: Mapping[str, Channel], time: int | None) -> Iterator[Finding]:
     """A column that is called the pendulum's angle and left out, for it never changes."""
     taken = {table.find(c.column) for c in channels.values()} | {time}
     left = [j for j, name in enumerate(table.names) if j not in taken and is_angle(name)]
@@ -244,9 +239,7 @@ def _left_out(
         yield still(name, float(channel.convert(table.values[rows, j][:1].copy(), name)[0]), channel.signal_unit)
 
 
-def _guesses(
-    recording: Recording, table: Table, channels: Mapping[str, Channel], named: bool
-) -> dict[str, tuple[dict[str, Any], str]]:
+def _guesses(recording: Recording, table: Table, channels: Mapping[str, Channel], named: bool) -> dict[str, Fields]:
     """Signal → the fields that its numbers speak for, and the sentence on them; none where they are radians."""
     guesses = {}
     for n, (fields, why) in guessed_units(recording, named=named).items():

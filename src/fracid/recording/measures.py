@@ -141,21 +141,18 @@ def measure_clock(time: FloatArray) -> Clock:
     )  # fmt: skip
 
 
-def measure_signal(
-    name: str, unit: str, time: FloatArray, signal: FloatArray, sound: FloatArray | None = None
-) -> SignalReport:
+def measure_signal(name: str, unit: str, time: FloatArray, signal: FloatArray, sound: FloatArray) -> SignalReport:
     """Measure one signal, shape (n_samples,), or what is sound of it: what drops out is in the file, and not missing.
 
     Examples
     --------
     >>> t = np.arange(1000) / 100
     >>> counts = np.round(300 * np.cos(t)) * 2 * np.pi / 4096
-    >>> measure_signal("alpha", "rad", t, counts).counts_per_turn
+    >>> measure_signal("alpha", "rad", t, counts, counts).counts_per_turn
     4096
     """
     missing = tuple(map(float, time[~np.isfinite(signal)]))
-    signal = signal if sound is None else sound
-    x = signal[np.isfinite(signal)]
+    x = sound[np.isfinite(sound)]
     if x.size < 2:
         return SignalReport(name, unit, math.nan, math.nan, missing=missing, resolution=None, counts_per_turn=None,
                             noise=math.nan, rest=math.nan, at_rest=False, rest_offset=None)  # fmt: skip
@@ -163,7 +160,7 @@ def measure_signal(
     rest, _, at_rest = tail(x)
     return SignalReport(
         name, unit, minimum=float(x.min()), maximum=float(x.max()), missing=missing, resolution=q and q.step,
-        counts_per_turn=_counts_per_turn(q) if q and unit == "rad" else None, noise=_noise(time, signal),
+        counts_per_turn=_counts_per_turn(q) if q and unit == "rad" else None, noise=_noise(time, sound),
         rest=rest, at_rest=at_rest,
         rest_offset=rest - math.pi * round(rest / math.pi) if at_rest and unit == "rad" else None,
     )  # fmt: skip

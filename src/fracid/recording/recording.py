@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fracid.arrays import ROUNDED, FloatArray, real_array, step_means, stretches
+from fracid.arrays import ROUNDED, FloatArray, Signals, real_array, step_means, stretches
 from fracid.cards import Card, CardDisplay
 from fracid.errors import DataError, InputError, brief
 from fracid.figures import Figure, Style, draw
@@ -36,7 +36,7 @@ class Recording(CardDisplay):
     """Hash of the file."""
     time: FloatArray
     """Shape (n_samples,) [s]; the file's own, from the first sample where the file gives dates."""
-    signals: Mapping[str, FloatArray]
+    signals: Signals
     """Name to samples, shape (n_samples,) [rad for angles]."""
     units: Mapping[str, str]
     """Name to rad, rad/s, V, N m or 1."""
@@ -264,9 +264,7 @@ class Recording(CardDisplay):
         """
         return self.trim(None, float(np.nextafter(at, -np.inf)) - 2e-6 * self.report.clock.step), self.trim(at)
 
-    def _with(
-        self, time: FloatArray, signals: Mapping[str, FloatArray], *notes: Note, resampled: str | None = None
-    ) -> Recording:
+    def _with(self, time: FloatArray, signals: Signals, *notes: Note, resampled: str | None = None) -> Recording:
         """Measured again; a release that was found stays, for the plateau that tells it may be cut off."""
         old, resampled = self.report, resampled or self.report.resampled
         report = measure(
@@ -281,9 +279,7 @@ class Recording(CardDisplay):
         return replace(self, time=read_only(time), signals={n: read_only(x) for n, x in signals.items()}, report=report)
 
     @classmethod
-    def of(
-        cls, name: str, time: FloatArray, signals: Mapping[str, FloatArray], units: Mapping[str, str] | None = None
-    ) -> Recording:
+    def of(cls, name: str, time: FloatArray, signals: Signals, units: Mapping[str, str] | None = None) -> Recording:
         """Return a recording of arrays that come from no file.
 
         Parameters

@@ -36,7 +36,7 @@ from typing import Any
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, Signals
 from fracid.findings import Finding, Note, Words, with_code
 from fracid.recording.dropout import dropouts, without_dropouts
 from fracid.recording.faults import signal_faults
@@ -243,7 +243,7 @@ class Report:
 
 
 def measure(
-    time: FloatArray, signals: Mapping[str, FloatArray], units: Mapping[str, str], reading: tuple[str, ...] = (),
+    time: FloatArray, signals: Signals, units: Mapping[str, str], reading: tuple[str, ...] = (),
     resampled: str | None = None, bridged: tuple[tuple[float, float], ...] = (), *, uneven: bool = False,
 ) -> Report:  # fmt: skip
     """Measure a recording.
@@ -288,7 +288,7 @@ def measure(
                   uneven=uneven)  # fmt: skip
 
 
-def _driven(time: FloatArray, signals: Mapping[str, FloatArray], units: Mapping[str, str], release: float) -> bool:
+def _driven(time: FloatArray, signals: Signals, units: Mapping[str, str], release: float) -> bool:
     """Whether what may drive it changes before it moves, or with it."""
     before = time <= release + WITH
     return any(np.nanmax(x[before]) > np.nanmin(x[before]) for n, x in signals.items()
@@ -310,9 +310,7 @@ def _short(
         yield SAYS.finding("short-window", "", turns.size / 2, FEW_SWINGS, seconds=seconds)
 
 
-def _samples(
-    time: FloatArray, signals: Mapping[str, FloatArray], bridged: tuple[tuple[float, float], ...]
-) -> Mapping[str, FloatArray]:
+def _samples(time: FloatArray, signals: Signals, bridged: tuple[tuple[float, float], ...]) -> Signals:
     """Signals without what bridges a gap: NaN there."""
     inside = np.zeros(time.size, dtype=bool)
     for a, b in bridged:
@@ -320,7 +318,7 @@ def _samples(
     return {n: np.where(inside, np.nan, x) for n, x in signals.items()} if inside.any() else signals
 
 
-def swinging(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> FloatArray:
+def swinging(signals: Signals, units: Mapping[str, str]) -> FloatArray:
     """Return the pendulum: `PENDULUM` if there is one, else the angle (else the signal) that moves most."""
     if PENDULUM in signals:
         return signals[PENDULUM]

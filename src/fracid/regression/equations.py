@@ -137,7 +137,8 @@ def linear_in(residual: Residual, names: Sequence[str], at: FloatArray, places: 
     >>> linear_in(force, ["k", "rest", "f", "v"], np.full(4, 0.5), {"k": 0, "rest": 1, "f": 2, "v": 3})
     ['k', 'f']
     """
-    moves = {n: _moved(at, {places[n]: 0.3 * abs(at[places[n]]) + 1e-2}) - at for n in names}
+    steps = np.diag(0.3 * np.abs(at) + 1e-2)
+    moves = {n: (at + steps[places[n]]) - at for n in names}
     here = residual(at)
     once = {n: residual(at + d) for n, d in moves.items()}
     size = {n: float(np.max(abs(r - here))) for n, r in once.items()}
@@ -148,10 +149,6 @@ def linear_in(residual: Residual, names: Sequence[str], at: FloatArray, places: 
             if np.max(abs(mixed)) > HELD * max(size[a], size[b]):
                 kept.remove(b)
     return kept
-
-
-def _moved(at: FloatArray, by: Mapping[int, float]) -> FloatArray:
-    return np.asarray(at + np.array([by.get(k, 0.0) for k in range(len(at))]))
 
 
 def regress_equations(problem: Problem) -> Regression:
@@ -211,7 +208,7 @@ def _system(equations: Sequence[Equation], index: Sequence[int], at: FloatArray)
     parts: dict[str, list[FloatArray]] = {}
     for name, residual in equations:
         known = residual(zero)
-        columns = (residual(_moved(zero, {k: 1.0})) - known for k in index)
+        columns = (residual(zero + one) - known for one in np.eye(len(at))[index])
         parts.setdefault(name, []).append(np.column_stack([*columns, known]))
     W = tuple(map(np.concatenate, parts.values()))
     terms = (np.sqrt(np.mean((rows * np.append(at[index], 1.0)) ** 2, axis=0)) for rows in W)

@@ -11,10 +11,13 @@ from typing import Literal
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.regression.rows import Blocks, Rows, System
+from fracid.regression.rows import Blocks, Pair, Rows, System
 from fracid.signals.correlation import bartlett_long_run
 
 Estimator = Literal["ols", "huber", "tukey", "tls", "iv"]
+
+Dependent = dict[int, dict[int, float]]
+"""Column → the independent ones that it is a sum of, with their factors."""
 
 COLLINEAR = 1e-2
 """Columns of unit length nearer than this to the span of others cannot be told from them."""
@@ -76,7 +79,7 @@ def _instrumental(A: FloatArray, y: FloatArray, Z: FloatArray, weights: FloatArr
 def _reweighted(
     A: FloatArray, y: FloatArray, Z: FloatArray, weigh: Callable[[FloatArray], FloatArray], weights: FloatArray,
     rounds: int = 50,
-) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+) -> Pair:  # fmt: skip
     """Solve Zᵀ w(r/s) r = 0 with r = y − A v, s its median size over that of normal noise, and w given; v and w."""
     last = np.full(A.shape[1], np.inf)
     for _ in range(rounds):
@@ -97,9 +100,7 @@ def _tukey(z: FloatArray) -> FloatArray:
     return np.asarray(np.maximum(1.0 - (z / 4.685) ** 2, 0.0) ** 2)
 
 
-def solve(
-    estimator: str, system: System, gauge: Gauge, scales: FloatArray, instruments: Blocks | None = None
-) -> tuple[FloatArray, FloatArray]:
+def solve(estimator: str, system: System, gauge: Gauge, scales: FloatArray, instruments: Blocks | None = None) -> Pair:
     """Free constants and the robust weights of the rows."""
     whole = stack(system.W, scales) @ gauge.B
     A, y = whole[:, :-1], -whole[:, -1]
@@ -117,9 +118,7 @@ def solve(
 # --- what cannot be told apart -------------------------------------------------------------------------
 
 
-def base_parameters(
-    system: System, free: Sequence[int], scales: FloatArray
-) -> tuple[list[int], dict[int, dict[int, float]]]:
+def base_parameters(system: System, free: Sequence[int], scales: FloatArray) -> tuple[list[int], Dependent]:
     """Base parameters by QR with column pivoting [Gautier].
 
     Returns the free terms whose columns are independent, and for each of the others the coefficients with which
@@ -141,7 +140,7 @@ def base_parameters(
         if R[k, k] ** 2 <= max(COLLINEAR**2, noise):
             rank = k
             break
-    dependent: dict[int, dict[int, float]] = {free[i]: {} for i in range(len(free)) if i not in columns}
+    dependent: Dependent = {free[i]: {} for i in range(len(free)) if i not in columns}
     for k in range(rank, len(pivots)):
         x = solve_triangular(R[:rank, :rank], R[:rank, k]) * unit[pivots[k]] / unit[pivots[:rank]]
         weight = np.abs(x) * unit[pivots[:rank]] / unit[pivots[k]]

@@ -21,6 +21,7 @@ from fracid.recording import Recording
 from fracid.recording.channel import si_unit
 from fracid.regression.credibility import belief
 from fracid.regression.estimators import (
+    Dependent,
     Estimator,
     Gauge,
     base_parameters,
@@ -445,9 +446,7 @@ def _cutoff(swings: Sequence[Swing], cutoff: float | None) -> tuple[float, str]:
     return frequency, f"{where}, but the motion's products need {side} {factor:.3g} times the swing of {swing:.3g} Hz"
 
 
-def _independent(
-    system: System, gauge: Gauge, own: FloatArray
-) -> tuple[Gauge, dict[int, dict[int, float]], FloatArray, float]:
+def _independent(system: System, gauge: Gauge, own: FloatArray) -> tuple[Gauge, Dependent, FloatArray, float]:
     """Take out what cannot be told apart (it keeps the model's value), and find the equations' scales."""
     basic, dependent = base_parameters(system, gauge.free, system.scales(own))
     if not basic:
@@ -464,7 +463,7 @@ def _independent(
 
 def constants_of(
     units: Mapping[str, str], gauge: Gauge, v: FloatArray, bias: FloatArray, covariance: FloatArray,
-    dependent: Mapping[int, Mapping[int, float]],
+    dependent: Dependent,
 ) -> dict[str, Constant]:  # fmt: skip
     """What each constant is worth; ``units`` has a name for each column."""
     names, beta = [*units], gauge.beta(v)
@@ -507,9 +506,7 @@ def _verdict(value: float, error: float, bias: float, dependents: Sequence[str],
     return "identified", "identified"
 
 
-def _combinations(
-    names: Sequence[str], dependent: Mapping[int, Mapping[int, float]], beta: FloatArray
-) -> dict[str, float]:
+def _combinations(names: Sequence[str], dependent: Dependent, beta: FloatArray) -> dict[str, float]:
     """Each basic constant with the dependent ones that it takes in, by its readable name."""
     combinations = {}
     for i in sorted({i for combination in dependent.values() for i in combination}):

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray, by_name
+from fracid.arrays import BoolArray, FloatArray, by_name
 from fracid.errors import InputError
 from fracid.findings import Words
 from fracid.models import Model
@@ -372,7 +372,7 @@ class System:
         own = np.array([math.sqrt(max(float(beta @ C @ beta), 1e-300) / max(len(W), 1)) for C, W in pairs])
         return own if near is None else np.clip(own, near / 3.0, near * 3.0)
 
-    def masked(self, keep: Sequence[NDArray[np.bool_]]) -> System:
+    def masked(self, keep: Sequence[BoolArray]) -> System:
         """Only the rows to keep."""
         return System(self.equations, only(self.W, keep), tuple(only(W, keep) for W in self.noisy))
 

@@ -226,8 +226,7 @@ def as_json(kind: type[Block | Record], record: Any) -> dict[str, Any]:
     {'rmse_rad': None}
     """
     own = described(kind).validate_python(record, strict=False, by_name=True, by_alias=True, context=WRITING)
-    found: dict[str, Any] = described(kind).dump_python(own, mode="json", by_alias=True)
-    return found
+    return dict(described(kind).dump_python(own, mode="json", by_alias=True))
 
 
 def record_of(kind: type[Kind], content: Any) -> Kind:
@@ -357,17 +356,16 @@ def read_as(path: Path, kind: type[Block | Record], wrote: str, missing: str = "
     fracid.errors.InputError: ...noise.json is damaged: seeds is 'many'; expected a whole number. Write it again: fracid
     noise RUN.
     """
-    content: Any = {}
-    fault = ""
     try:
         content = json_of(text_of(path))
+        fault = fault_of(content, kind)
     except OSError as error:
         if not missing:
             raise
         raise InputError(missing.format(path=path, error=error.strerror or "it is no plain file")) from None
     except ValueError as error:
         fault = f"it cannot be read as JSON ({short_text(error)})"
-    if fault := fault or fault_of(content, kind):
+    if fault:
         raise InputError(f"{path} is damaged: {fault}. Write it again: {wrote}.")
     return content | as_json(kind, content)
 

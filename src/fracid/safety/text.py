@@ -79,11 +79,7 @@ def json_text(value: Any) -> str:
     text = json.dumps(value, indent=2, ensure_ascii=False)
     if text.isascii() and "\x7f" not in text:
         return text
-    return "".join(_escaped(c) if c != "\n" and _unseen(c) else c for c in text)
-
-
-def _escaped(character: str) -> str:
-    return "\\u007f" if character == "\x7f" else json.dumps(character)[1:-1]
+    return "".join(json.dumps(c)[1:-1] if c != "\n" and _unseen(c) else c for c in text)
 
 
 def refuse_unseen(what: str, text: str) -> str:

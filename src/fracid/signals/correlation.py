@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray, stretches
+from fracid.arrays import BoolArray, FloatArray, stretches
 
 WIDE = 5
 """A sum of autocorrelations ends at the first lag that is so many times the correlation time up to it (Sokal)."""
 
 
-def longest_stretch(mask: NDArray[np.bool_]) -> slice:
+def longest_stretch(mask: BoolArray) -> slice:
     """The longest stretch without a gap.
 
     Examples

@@ -29,6 +29,7 @@ from fracid.models.written.tree import (
     Expression,
     Function,
     If,
+    Meanings,
     Name,
     Number,
     Operation,
@@ -219,9 +220,7 @@ def order_of(name: str, order: float | str) -> float | str | Complement:
     return order
 
 
-def _output(
-    name: str, e: Equation, names: Mapping[str, Expression], units: _Units, body: Sequence[Assign]
-) -> int | Formula:
+def _output(name: str, e: Equation, names: Meanings, units: _Units, body: Sequence[Assign]) -> int | Formula:
     """A state's index, or a function."""
     where = f"[model.outputs] {name}"
     value = formula(e.equals, names, where, units.columns)
@@ -317,7 +316,7 @@ def _shown(d: Dimension) -> str:
 class _Units:
     """What is known of units, and whether equations agree with it."""
 
-    def __init__(self, names: Mapping[str, Expression], units: Mapping[str, str]) -> None:
+    def __init__(self, names: Meanings, units: Mapping[str, str]) -> None:
         self.columns: dict[int, int] = {}
         self.orders: dict[Expression, float | str] = {}
         self.known: dict[Expression, Dimension | None] = {names[n]: dimension(unit) for n, unit in units.items()}
@@ -327,7 +326,7 @@ class _Units:
         """Of a state, by its output."""
         self.known[self.names[name]] = self.known.get(self.names[name]) or dimension(unit)
 
-    def spread(self, rates: Mapping[str, Expression]) -> None:
+    def spread(self, rates: Meanings) -> None:
         """Where a state is the derivative of another, the unit of one says the other's."""
         pairs = [(self.names[n], e) for n, e in rates.items() if isinstance(e, Entry) and e.array == "x"
                  and (isinstance(order := self.orders[self.names[n]], str) or order == 1)]  # fmt: skip
@@ -531,7 +530,7 @@ class Flat:
         self.definitions[own] = value
         return Name(own)
 
-    def _within(self, e: Expression, here: Mapping[str, Expression]) -> Expression:
+    def _within(self, e: Expression, here: Meanings) -> Expression:
         """With what each name stands for."""
         match e:
             case Name(n):

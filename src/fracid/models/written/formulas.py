@@ -11,7 +11,7 @@ import difflib
 import math
 import re
 import tomllib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -19,7 +19,7 @@ from typing import Any
 from fracid.errors import InputError
 from fracid.models.written.languages import Python
 from fracid.models.written.reading import FUNCTIONS, SAYS, call, choice, operation, truth
-from fracid.models.written.tree import COMPARISONS, Expression, Function, Name, Number, Program
+from fracid.models.written.tree import COMPARISONS, Expression, Function, Meanings, Name, Number, Program
 from fracid.safety.door import own_text
 from fracid.safety.text import printable
 
@@ -71,9 +71,7 @@ class _Token:
     column: int
 
 
-def formula(
-    text: str, names: Mapping[str, Expression], where: str = "", columns: dict[int, int] | None = None
-) -> Expression:
+def formula(text: str, names: Meanings, where: str = "", columns: dict[int, int] | None = None) -> Expression:
     """Read an expression.
 
     Parameters
@@ -105,7 +103,7 @@ def formula(
 class _Parser:
     """Precedence climbing over the tokens."""
 
-    def __init__(self, text: str, names: Mapping[str, Expression], where: str, columns: dict[int, int]) -> None:
+    def __init__(self, text: str, names: Meanings, where: str, columns: dict[int, int]) -> None:
         self.text, self.names, self.where, self.columns, self.depth, self.at = text, names, where, columns, 0, 0
         if len(text) > LONGEST:
             raise self.wrong(0, SAYS("too-long", count=len(text), most=LONGEST))

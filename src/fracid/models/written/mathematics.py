@@ -37,6 +37,7 @@ from fracid.models.written.tree import (
     Choice,
     Entry,
     Expression,
+    Meanings,
     Name,
     Number,
     Operation,
@@ -219,7 +220,7 @@ class _Read(Flat):
             self.known.setdefault(value, own)
         return own
 
-    def _within(self, e: Expression, here: Mapping[str, Expression]) -> Expression:
+    def _within(self, e: Expression, here: Meanings) -> Expression:
         match e:
             case Name(n) if n not in here:
                 return self.inline.get(n, e)

@@ -301,7 +301,7 @@ class _Unit:
             case Function(body=(*statements, Return(value))):
                 return statements, value
         f = function_of(f)
-        scope = _Scope(self, f, {"x", "u", "p", "t", *(("f", "out") if out else ())}, [], stack=(f,))
+        scope = _Scope(self, {"x", "u", "p", "t", *(("f", "out") if out else ())}, [], stack=(f,))
         arrays = View("x", 0, states), View("u", 0, inputs), View("p", 0, len(self.parameters)), *out
         scope.here = dict(zip([a.arg for a in scope.node.args.args], (_Time(), *arrays), strict=True))
         value = scope.finish(scope.node.body)
@@ -314,7 +314,7 @@ class _Unit:
         if f not in self.functions:
             taken = {g.name for g in self.functions.values() if g is not None} | {*_VALUES}
             self.functions[f] = None  # while it is being read
-            scope = _Scope(self, f, set(), [], stack=(*stack, f))
+            scope = _Scope(self, set(), [], stack=(*stack, f))
             names = [a.arg for a in scope.node.args.args]
             scope.names = {name: scope.fresh(name) for name in names}
             scope.all_of(scope.node.body, within=False)
@@ -340,17 +340,15 @@ def new_name(name: str, taken: Collection[str]) -> str:
 class _Scope:
     """A function's body while it is read: what its names stand for, and the statements so far."""
 
-    def __init__(
-        self, unit: _Unit, function: Any, taken: set[str], statements: list[Statement], stack: tuple[Any, ...]
-    ):
-        self.unit, self.function, self.taken, self.statements, self.stack = unit, function, taken, statements, stack
+    def __init__(self, unit: _Unit, taken: set[str], statements: list[Statement], stack: tuple[Any, ...]) -> None:
+        self.unit, self.taken, self.statements, self.stack = unit, taken, statements, stack
         self.here: dict[str, Any] = {}
         """What a name stands for now, where that is known: a number, a constant of the model, an array."""
         self.names: dict[str, str] = {}
         """Own variable → its name in the tree."""
-        self.file, self.first, self.node, self.notes = _source(function)
+        self.file, self.first, self.node, self.notes = _source(stack[-1])
         self.within_loop = False
-        reach = inspect.getclosurevars(function)
+        reach = inspect.getclosurevars(stack[-1])
         self.known = {**reach.builtins, **reach.globals, **reach.nonlocals}
 
     def wrong(self, at: ast.AST, why: str) -> Untranslatable:
@@ -541,7 +539,7 @@ class _Scope:
 
     def _put_here(self, f: Any, values: dict[str, Any]) -> Any:
         """A function that takes an array, or gives several numbers: its statements, in this place."""
-        inner = _Scope(self.unit, f, self.taken, self.statements, stack=(*self.stack, f))
+        inner = _Scope(self.unit, self.taken, self.statements, stack=(*self.stack, f))
         for n, v in values.items():
             if isinstance(v, Call | Operation | Choice) or _reads_out(v):
                 inner.names[n] = self.fresh(n)

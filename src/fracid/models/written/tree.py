@@ -6,7 +6,7 @@ them, and names are those of its own variables.  A tree compares and hashes by i
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
@@ -64,6 +64,9 @@ class Choice:
 
 
 Expression = Number | Name | Entry | Call | Operation | Choice
+
+Meanings = Mapping[str, Expression]
+"""Name → what it stands for."""
 
 
 @dataclass(frozen=True)

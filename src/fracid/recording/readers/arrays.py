@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError
 from fracid.recording.channel import TABLES
 from fracid.recording.readers.content import EMPTY, Content, LeftOut, refuse_bomb, seconds
@@ -40,7 +41,7 @@ LISTED, SHOWN = 12, 20
 class Table:
     """Columns of numbers, as they stand in a file."""
 
-    values: NDArray[np.float64]
+    values: FloatArray
     """Shape (n_rows, n_columns), NaN where a cell is blank."""
     names: tuple[str, ...]
     """``column 0``, ``column 1``, ... where the file names none."""
@@ -121,7 +122,7 @@ def choose(content: Content, variable: str | None, path: Path) -> Table:
     left_out |= {name: SINGLE for name, a in flat.items() if not isinstance(a, LeftOut) and a.size == 1}
     if not arrays:
         raise DataError(_nothing(path, left_out))
-    refuse_bomb(path, sum(a.size for a in arrays.values()), path.stat().st_size)
+    refuse_bomb(path, sum(a.size for a in arrays.values()))
     matrices = {name: a for name, a in arrays.items() if np.squeeze(a).ndim == 2}
     longest = max(max(a.shape) for a in arrays.values())
     if [max(m.shape) for m in matrices.values()] == [longest]:

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fracid.arrays import FloatArray
 from fracid.errors import DataError
 from fracid.findings import Words
 from fracid.safety.text import printable
@@ -89,7 +90,7 @@ def most_numbers(size: int) -> int:
     return max(FEW_NUMBERS, NUMBERS_A_BYTE * size)
 
 
-def refuse_bomb(path: Path, numbers: float, size: int) -> None:
+def refuse_bomb(path: Path, numbers: float) -> None:
     """Refuse a file that unpacks to more numbers than a recording of its size has.
 
     Raises
@@ -97,6 +98,7 @@ def refuse_bomb(path: Path, numbers: float, size: int) -> None:
     DataError
         With both figures.
     """
+    size = path.stat().st_size
     if numbers > most_numbers(size):
         raise DataError(SAYS("unpacks", path=path, size=size, most=most_numbers(size)))
 
@@ -131,7 +133,7 @@ def reading(path: Path, kind: str, own: tuple[type[Exception], ...] = (DataError
         raise damaged(path, kind, error) from None
 
 
-def seconds(dates: NDArray[np.generic]) -> NDArray[np.float64]:
+def seconds(dates: NDArray[np.generic]) -> FloatArray:
     """Return dates and spans of time, of NumPy's types M and m, as numbers [s]; NaN where there is none.
 
     Examples

@@ -50,7 +50,7 @@ def read_hdf5(path: Path) -> Content:
     import h5py
 
     with reading(path, "HDF5 file", (DataError, MemoryError)), h5py.File(path, "r") as file:
-        return _group(file, _Taken(path, path.stat().st_size), ())
+        return _group(file, _Taken(path), ())
 
 
 @dataclass
@@ -58,15 +58,13 @@ class _Taken:
     """What was read of a file so far."""
 
     path: Path
-    size: int
-    """Of the file [bytes]."""
     numbers: float = 0.0
     """As many of eight bytes as what was read has bytes."""
 
     def take(self, dataset: Any) -> None:
         """Refuse a dataset that is too much, alone or with those before it; what is read are whole chunks."""
         self.numbers += dataset.dtype.itemsize / 8 * max(dataset.size, prod(dataset.chunks or (1,)))
-        refuse_bomb(self.path, self.numbers, self.size)
+        refuse_bomb(self.path, self.numbers)
 
 
 def _group(group: Any, tally: _Taken, ancestors: tuple[int, ...]) -> Content:
@@ -111,7 +109,7 @@ def _dataset(dataset: Any, tally: _Taken) -> NDArray[np.generic] | LeftOut:
     if plain is not None:
         return plain
     tally.take(dataset)
-    _refuse_packed_bomb(dataset, tally.path, tally.size)
+    _refuse_packed_bomb(dataset, tally.path)
     return np.asarray(dataset[()])
 
 
@@ -129,9 +127,9 @@ def _plain(dtype: np.dtype[Any]) -> LeftOut | None:
     return None if dtype.kind in "fiub" else why_no_numbers(dtype.kind) or LeftOut("is no array of numbers")
 
 
-def _refuse_packed_bomb(dataset: Any, path: Path, size: int) -> None:
+def _refuse_packed_bomb(dataset: Any, path: Path) -> None:
     """A chunk packed by gzip may hold more than it should; libhdf5 would unpack it all."""
-    if dataset.compression != "gzip" or EXPANDS * size < 2**28:
+    if dataset.compression != "gzip" or EXPANDS * path.stat().st_size < 2**28:
         return
     expected = prod(dataset.chunks) * dataset.dtype.itemsize
     for k in range(dataset.id.get_num_chunks()):
@@ -140,4 +138,4 @@ def _refuse_packed_bomb(dataset: Any, path: Path, size: int) -> None:
             continue
         _, raw = dataset.id.read_direct_chunk(chunk.chunk_offset)
         if len(zlib.decompressobj().decompress(raw, 2 * expected + 1024)) > 2 * expected:
-            refuse_bomb(path, float("inf"), size)
+            refuse_bomb(path, float("inf"))

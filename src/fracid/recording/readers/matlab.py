@@ -78,6 +78,9 @@ def object_left_out(kind: str) -> LeftOut:
     return LeftOut(MATLAB_OBJECT.get(kind, f"is a MATLAB object of class {kind[:40]!r}; save its numbers as arrays"))
 
 
+_Variable = NDArray[np.generic] | LeftOut | Content | list[Content]
+"""What a name has."""
+
 _Parts = Iterator[tuple[int, memoryview]]
 """Type and data of one element after the other."""
 
@@ -122,6 +125,8 @@ class _Reader:
     order: str
     """``<`` or ``>``."""
     path: Path
+    depth: int = 0
+    """Structs within which it lies."""
 
     def elements(self, start: int) -> _Parts:
         """Return type and data of one element after the other."""
@@ -143,21 +148,17 @@ class _Reader:
             yield kind, self.raw[at : at + size]
             start = after
 
-    def within(self, raw: memoryview) -> _Reader:
-        """Return a reader of an element's data."""
-        return replace(self, raw=raw)
-
 
 def _version5(raw: bytes, path: Path) -> Content:
-    variables: dict[str, NDArray[np.generic] | LeftOut | Content | list[Content]] = {}
+    variables: dict[str, _Variable] = {}
     reader = _Reader(memoryview(raw), "<" if raw[126:128] == b"IM" else ">", path)
     room = 8 * most_numbers(len(raw))  # bytes that may be unpacked
     for kind, data in reader.elements(128):
         if kind == COMPRESSED:
-            data, room = _unpacked(reader.within(data), room)
+            data, room = _unpacked(replace(reader, raw=data), room)
         elif kind != MATRIX:
             raise _Damaged(f"an element of type {kind} where a variable should be")
-        name, value = _matrix(reader.within(data), 0)
+        name, value = _matrix(replace(reader, raw=data))
         if name:  # one without a name is the storehouse of MATLAB's objects
             variables[name] = value
     return variables
@@ -167,20 +168,20 @@ def _unpacked(packed: _Reader, room: int) -> tuple[memoryview, int]:
     """Return the data of the one element that is packed, and how many bytes are left."""
     stream = zlib.decompressobj()
     unpacked = stream.decompress(packed.raw, room + 1)
-    refuse_bomb(packed.path, math.inf if len(unpacked) > room else 0, packed.path.stat().st_size)
+    refuse_bomb(packed.path, math.inf if len(unpacked) > room else 0)
     if not stream.eof:
         raise _Damaged("what is packed in it has no end")
-    kind, data = next(packed.within(memoryview(unpacked)).elements(0), NOTHING)
+    kind, data = next(replace(packed, raw=memoryview(unpacked)).elements(0), NOTHING)
     if kind != MATRIX:
         raise _Damaged("no variable is packed where one should be")
     return data, room - len(unpacked)
 
 
-def _matrix(reader: _Reader, depth: int) -> tuple[str, NDArray[np.generic] | LeftOut | Content | list[Content]]:
+def _matrix(reader: _Reader) -> tuple[str, _Variable]:
     """Return name and value of a variable or field."""
     if not len(reader.raw):
         return "", EMPTY
-    if depth > DEEPEST:
+    if reader.depth > DEEPEST:
         return "", LeftOut(f"lies more than {DEEPEST} structs deep")
     parts = reader.elements(0)
     flags = _whole(parts, reader, "flags")
@@ -193,14 +194,12 @@ def _matrix(reader: _Reader, depth: int) -> tuple[str, NDArray[np.generic] | Lef
     shape = tuple(int(n) for n in _whole(parts, reader, "dimensions"))
     if len(shape) < 2 or len(shape) > 32 or min(shape) < 0:
         raise _Damaged(f"a variable of dimensions {shape[:5]}")
-    return _text(parts), _value(reader, parts, kind, is_complex, shape=shape, depth=depth)
+    return _text(parts), _value(reader, parts, kind, is_complex, shape)
 
 
-def _value(
-    reader: _Reader, parts: _Parts, kind: int, is_complex: bool, shape: tuple[int, ...], depth: int
-) -> NDArray[np.generic] | LeftOut | Content | list[Content]:
+def _value(reader: _Reader, parts: _Parts, kind: int, is_complex: bool, shape: tuple[int, ...]) -> _Variable:
     if kind == STRUCT:
-        return _structs(reader, parts, math.prod(shape), depth)
+        return _structs(reader, parts, math.prod(shape))
     if kind == CHAR:
         return LeftOut(TEXT.why, _letters(reader, parts))
     others = {
@@ -221,7 +220,7 @@ def _value(
     return np.squeeze(values.reshape(shape, order="F"))
 
 
-def _structs(reader: _Reader, parts: _Parts, count: int, depth: int) -> Content | list[Content] | LeftOut:
+def _structs(reader: _Reader, parts: _Parts, count: int) -> Content | list[Content] | LeftOut:
     """Return one struct as its fields, several as a list."""
     length = _whole(parts, reader, "the length of field names")
     _, names = next(parts, NOTHING)
@@ -236,7 +235,7 @@ def _structs(reader: _Reader, parts: _Parts, count: int, depth: int) -> Content 
             kind, data = next(parts, NOTHING)
             if kind != MATRIX:
                 raise _Damaged(f"the field {field[:40]!r} is missing")
-            record[field] = _matrix(reader.within(data), depth + 1)[1]
+            record[field] = _matrix(replace(reader, raw=data, depth=reader.depth + 1))[1]
         structs.append(record)
     return EMPTY if not structs else structs[0] if len(structs) == 1 else structs
 

@@ -31,6 +31,7 @@ from xml.parsers import expat
 import numpy as np
 from numpy.typing import NDArray
 
+from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError
 from fracid.recording.readers.arrays import walk
 from fracid.recording.readers.content import LISTS, TEXT, Content, LeftOut, damaged, refuse_bomb
@@ -60,7 +61,7 @@ def _xlsx(path: Path) -> Found:
     with opened(path) as file:
         book = CalamineWorkbook.from_filelike(file)
         sheets = {name: book.get_sheet_by_name(name) for name in book.sheet_names}
-        refuse_bomb(path, sum(sheet.height * sheet.width for sheet in sheets.values()), path.stat().st_size)
+        refuse_bomb(path, sum(sheet.height * sheet.width for sheet in sheets.values()))
         texts = {name: "\n".join("\t".join(map(_cell, row)) for row in s.iter_rows()) for name, s in sheets.items()}
         _refuse_entities(path, file)
     return {name: LeftOut("is a sheet without numbers", text) for name, text in texts.items()}
@@ -91,7 +92,7 @@ def _tdms(path: Path) -> Found:
     found: Found = {}
     with opened(path) as opening, TdmsFile.open(opening) as file:
         channels = [channel for group in file.groups() for channel in group.channels()]
-        refuse_bomb(path, sum(map(len, channels)), path.stat().st_size)
+        refuse_bomb(path, sum(map(len, channels)))
         for channel in channels:
             step, start = (channel.properties.get(f"wf_{what}", 0.0) for what in ("increment", "start_offset"))
             if step:
@@ -108,9 +109,9 @@ def _mdf(path: Path) -> Found:
     for blocks in (v2_v3_blocks, v4_blocks):  # what the file says would be run as Python
         blocks.evaluate, blocks.lambdify = _not_evaluated, _no_formula
     mdf_v3.NamedTemporaryFile = mdf_v4.NamedTemporaryFile = lambda **_: BytesIO()  # it is for what is appended
-    groups: dict[str, tuple[NDArray[np.float64], Found]] = {}
+    groups: dict[str, tuple[FloatArray, Found]] = {}
     with opened(path) as opening, MDF(opening) as file:
-        refuse_bomb(path, sum(g.channel_group.cycles_nr * len(g.channels) for g in file.groups), path.stat().st_size)
+        refuse_bomb(path, sum(g.channel_group.cycles_nr * len(g.channels) for g in file.groups))
         for k, group in enumerate(file.groups):
             columns: Found = {}
             for j, channel in enumerate(group.channels):
@@ -226,7 +227,7 @@ def _plain(value: Any) -> Any:
     return [_plain(v) for v in (value.tolist() if hasattr(value, "tolist") else value)]
 
 
-def _on_one_clock(groups: Mapping[str, tuple[NDArray[np.float64], Found]]) -> Found:
+def _on_one_clock(groups: Mapping[str, tuple[FloatArray, Found]]) -> Found:
     """Put groups beside each other on the clock of the longest."""
     groups = {name: (time, columns) for name, (time, columns) in groups.items() if time.size and columns}
     if not groups:
@@ -284,7 +285,7 @@ def answer(path: Path, ending: str) -> bytes:
     try:
         found = FORMATS[ending].read(path)
         numbers = {name: column for name, column in found.items() if not isinstance(column, LeftOut)}
-        refuse_bomb(path, sum(column.size for column in numbers.values()), path.stat().st_size)
+        refuse_bomb(path, sum(column.size for column in numbers.values()))
     except MemoryError:
         raise
     except DataError as error:

@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fracid.arrays import FloatArray
 from fracid.recording.readers.content import (
     LISTS,
     TEXT,
@@ -72,7 +72,7 @@ class Columns:
     path: Path
     cells: int = 0
 
-    def of(self, samples: list[Any]) -> NDArray[np.float64] | LeftOut | Content:
+    def of(self, samples: list[Any]) -> FloatArray | LeftOut | Content:
         """Make a column of the values of one name, sample by sample, or columns where these have names themselves.
 
         Raises
@@ -100,7 +100,7 @@ class Columns:
             return LeftOut("holds values of several kinds")
         names = dict.fromkeys(chain.from_iterable(v for v in samples if v))
         self.cells += len(names) * len(samples)
-        refuse_bomb(self.path, self.cells, self.path.stat().st_size)
+        refuse_bomb(self.path, self.cells)
         return {str(name): self.of([v.get(name) if v else None for v in samples]) for name in names}
 
     def inside(self, tables: dict[str, Any]) -> Content:

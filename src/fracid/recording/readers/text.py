@@ -29,12 +29,12 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from io import TextIOWrapper
-from itertools import chain, islice
+from itertools import chain, islice, product
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fracid.arrays import FloatArray
 from fracid.errors import DataError
 from fracid.recording.readers.arrays import Table, is_unit, name_and_unit
 from fracid.recording.readers.content import NO_NUMBERS, SAYS, seconds_of_stamp
@@ -123,6 +123,11 @@ class Dialect:
     def is_number(self, cell: str) -> bool:
         """Tell whether the cell holds a number and is not blank."""
         return NUMBER[self.decimal].fullmatch(cell) is not None or (self.stamped and seconds_of_stamp(cell) is not None)
+
+    def cuts_into_numbers(self, line: str) -> bool:
+        """Tell whether a line is several numbers and nothing else."""
+        cells = self.split(line)
+        return 1 < len(cells) <= MOST_COLUMNS and all(map(self.is_number, cells))
 
     def __str__(self) -> str:
         """In words."""
@@ -344,13 +349,8 @@ def _thousands(text: str) -> str:
 
 def _numbers_in_header(dialect: Dialect, width: int, header: list[str], file: str) -> list[str]:
     """Refuse rows of another dialect above the numbers; one or two lines may be a logger's settings, and are said."""
-    rows = [
-        (line, other)
-        for line in header
-        if not line.startswith(COMMENT)
-        for other in DIALECTS
-        if 1 < len(cells := other.split(line)) <= MOST_COLUMNS and all(map(other.is_number, cells))
-    ]
+    lines = (line for line in header if not line.startswith(COMMENT))
+    rows = [(line, other) for line, other in product(lines, DIALECTS) if other.cuts_into_numbers(line)]
     count = len({line for line, _ in rows})
     if count > 2:
         raise DataError(SAYS("two-kinds", file=file, count=count, first=ascii_short(rows[0][0]), count_first=rows[0][1],
@@ -416,9 +416,7 @@ def _refuse_comma_twice(dialect: Dialect, width: int, header: list[str], lines: 
         raise DataError(SAYS("names-above", file=lines.name, cells=len(last), width=width))
 
 
-def _refuse_thousands(
-    dialect: Dialect, width: int, lines: _Lines, values: NDArray[np.float64], names: tuple[str, ...]
-) -> None:
+def _refuse_thousands(dialect: Dialect, width: int, lines: _Lines, values: FloatArray, names: tuple[str, ...]) -> None:
     """``12.345`` beside ``987``: three digits behind each sign, none of it below 1, nothing above 999 without one."""
     values = np.clip(np.nan_to_num(values), -1e9, 1e9)
     decimals, thousandths = values != np.round(values), values == np.round(values, 3)
@@ -437,16 +435,14 @@ def _refuse_thousands(
 # --- the numbers ----------------------------------------------------------------------------------------
 
 
-def _numbers(dialect: Dialect, width: int, lines: _Lines, first: int, names: tuple[str, ...]) -> NDArray[np.float64]:
+def _numbers(dialect: Dialect, width: int, lines: _Lines, first: int, names: tuple[str, ...]) -> FloatArray:
     """Parse the rows from line `first` on, block by block."""
     rows = ((i, line) for i, line in lines.rows() if i >= first)
     blocks = iter(lambda: list(islice(rows, BLOCK)), [])
     return np.concatenate([_block(dialect, width, block, names, file=lines.name) for block in blocks])
 
 
-def _block(
-    dialect: Dialect, width: int, rows: list[tuple[int, str]], names: tuple[str, ...], file: str
-) -> NDArray[np.float64]:
+def _block(dialect: Dialect, width: int, rows: list[tuple[int, str]], names: tuple[str, ...], file: str) -> FloatArray:
     """Parse some rows: by NumPy where every cell is a plain number, cell by cell otherwise."""
     texts = [line.replace(",", ".") if dialect.decimal == "," else line for _, line in rows]
     points = dialect.decimal == "," and any("." in line for _, line in rows)
