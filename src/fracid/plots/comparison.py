@@ -73,15 +73,12 @@ def ladder(comparison: Comparison, *, style: str | Style = "screen") -> Figure:
     for output, panels in zip(comparison.outputs, grid, strict=True):
         for axes, (use, recordings) in zip(panels, columns, strict=True):
             _rungs(axes, comparison, output, recordings, use=use)
-            heading = f"{'held out' if use == 'held_out' else 'fitted'}: {_names(recordings)}"
+            which = plain(recordings[0], 28) if len(recordings) == 1 else f"mean of {len(recordings)}"
+            heading = f"{'held out' if use == 'held_out' else 'fitted'}: {which}"
             title(axes, heading if output == comparison.outputs[0] else "")
         unit, _ = axis_unit(comparison.units.get(output, "rad"))
         panels[0].set_ylabel(f"RMSE of {symbol(output)} [{unit}]")
     return finish(figure, "RMSE by friction model")
-
-
-def _names(recordings: Sequence[str]) -> str:
-    return plain(recordings[0], 28) if len(recordings) == 1 else f"mean of {len(recordings)}"
 
 
 def _rungs(axes: Axes, comparison: Comparison, output: str, recordings: Sequence[str], use: str) -> None:
