@@ -216,7 +216,6 @@ class Twin(CardDisplay):
         mappings = {name: getattr(self, name) for name in ("orders", "parameters", "initial") if name in changes}
         new = replace(self, **changes | {name: {**old, **changes[name]} for name, old in mappings.items()})
         new.model.state_orders(new.orders)
-        new.model.parameter_vector(new.parameters)
         new.model.state_vector({**new.initial, **changes.get("initial", {})})
         if new.history is not None and (new.step, new.orders) != (self.step, self.orders):
             raise InputError(SAYS("in-motion", name=self.name))
