@@ -174,10 +174,8 @@ def run_state(folder: Path) -> RunState:
     Traceback (most recent call last):
     fracid.errors.InputError: ... has no run.json that can be read: ...
     """
-    try:
-        return record_of(RunState, read_as(folder / RUN, RunState, "the command itself"))
-    except OSError:
-        raise InputError(SAYS("no-state", folder=folder)) from None
+    missing = SAYS("no-state", folder="{path.parent}")
+    return record_of(RunState, read_as(folder / RUN, RunState, "the command itself", missing))
 
 
 def cut_short(folder: Path, options: FitOptions, inputs: Mapping[str, str]) -> bool:
