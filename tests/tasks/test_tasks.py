@@ -328,11 +328,14 @@ def cluster(tmp_path, monkeypatch):
 
 def test_a_result_that_is_lost_with_its_worker_is_waited_for_and_the_others_go_on(monkeypatch):
     monkeypatch.setattr(cluster_tasks, "IDLE", 0.001)
-    ends, (first, lost) = cluster_tasks._Ends(), (SimpleNamespace(status=s) for s in ("finished", "lost"))
+    first, lost = (SimpleNamespace(status=s) for s in ("finished", "lost"))
+    scheduler = SimpleNamespace(status="running", nthreads=lambda: setattr(lost, "status", "finished") or {"worker": 1})
+    ends = cluster_tasks._Ends(scheduler, "tcp://127.0.0.1:1")
     for future in (lost, first):
         ends.put(future)
-    assert ends.wait(pytest.fail) == [first]
-    assert ends.wait(lambda: setattr(lost, "status", "finished")) == [lost]  # computed anew while nothing else ends
+    assert ends.wait() == [first]
+    assert lost.status == "lost"
+    assert ends.wait() == [lost]  # computed anew while nothing else ends
 
 
 @pytest.mark.broad

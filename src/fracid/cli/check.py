@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
     from fracid.recording import Recording, Report
     from fracid.recording.guess import Columns
-    from fracid.tasks.progress import Observer
 
 
 @command
@@ -35,6 +34,7 @@ def check(file: Path, how: How) -> None:
     """
     with shown("recording") as observer:
         from fracid.recording import inspect_recording
+        from fracid.workflows.overview import write_overview
 
         clock = time_from_text(how.time, how.rate)
         own, notes = ({}, []) if how.column else _columns_of_model(file, clock, how.variable)
@@ -42,7 +42,7 @@ def check(file: Path, how: How) -> None:
                                       start=start_from_text(how.start), variable=how.variable,
                                       guess_units=True)  # fmt: skip
         recording = replace(recording, report=recording.report.of_model(_inputs(recording)))
-        figure = None if how.out is None else _figure(recording, how.out, observer)
+        figure = None if how.out is None else write_overview(recording, how.out, observer)
     head = {"name": recording.name, "file": str(recording.path), "sha256": recording.sha256, "step": recording.step}
     record = head | recording.report.to_dict() | {"figure": str(figure) if figure else None}
     how.answer(record, lambda _: print_check(recording, figure, notes))
@@ -50,13 +50,6 @@ def check(file: Path, how: How) -> None:
         _say_next(recording, {name: vars(how)[name] for name in ("column", "time", "rate", "variable")}, own)
     if recording.report.level == "unfit":
         raise typer.Exit(DataError.exit_code)
-
-
-def _figure(recording: Recording, out: Path, observer: Observer) -> Path:
-    from fracid.workflows.overview import write_overview
-
-    observer.stage("figure")
-    return write_overview(recording, out)
 
 
 def _columns_of_model(file: Path, clock: Any, variable: str | None) -> tuple[Columns, list[str]]:

@@ -110,11 +110,8 @@ def say_undrawn(run: FinishedRun) -> None:
 
 def _show_rest(run: FinishedRun, console: Console) -> None:
     show_figures(run, console)
-    if isfinite(run.fit.cost) and not run.interrupted and not run.undrawn:
-        _say_next(run, console)
-
-
-def _say_next(run: FinishedRun, console: Console) -> None:
+    if not isfinite(run.fit.cost) or run.interrupted or run.undrawn:
+        return
     trust = bool(run.project.own_code)
     page = typed("report", run.folder, "--open", trust=trust), "look at the page"
     noise = typed("resid", run.folder, trust=trust), "are the residuals white noise, or does the model lack something?"

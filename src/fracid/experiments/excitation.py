@@ -36,9 +36,8 @@ class _Band:
         if not (0 < self.low <= self.high < np.inf and 0 < self.peak < np.inf):
             raise InputError(SAYS("band", e=self))
 
-    def variants(self, levels: int) -> tuple[Self, ...]:
+    def variants(self, levels: int) -> tuple[Self, ...]:  # noqa: ARG002 (as every signal)
         """Concrete signals that a design compares: the whole band and its two halves, each with some amplitudes."""
-        del levels
         middle = float(np.sqrt(self.low * self.high))
         bands = [(self.low, self.high)]
         bands += [] if middle in bands[0] else [(self.low, middle), (middle, self.high)]

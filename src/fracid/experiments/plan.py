@@ -15,7 +15,6 @@ file                    holds
 
 from __future__ import annotations
 
-import json
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -43,7 +42,7 @@ from fracid.recording import Recording
 from fracid.recording.channel import si_unit
 from fracid.recording.writing import save_recording
 from fracid.safety.door import write_files
-from fracid.safety.json_files import json_number
+from fracid.safety.json_files import json_document, json_number
 from fracid.safety.schema import UNREAD, Beside, Infinite, Listed, Number, Record, computed
 from fracid.units import half_of, letter
 
@@ -182,8 +181,7 @@ class Plan(CardDisplay, Record):
 
         folder, problem, curves = Path(folder), self.subject.problem, expected_curves(self)
         model = problem.model
-        content = json.dumps(self.to_json(), indent=2, ensure_ascii=False)
-        texts = {"sheet.txt": _sheet(self), "plan.json": f"{content}\n"}
+        texts = {"sheet.txt": _sheet(self), "plan.json": json_document(self.to_json())}
         for arm, name in (("free", "next.toml"), ("clamped", "next-clamped.toml")):
             own = {k: c for k, c in enumerate(self.experiments, 1) if c.arm == arm}
             texts |= {name: _project(self.subject, own)} if own else {}

@@ -140,6 +140,8 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
                         notes.append(thing)
                     else:
                         files.append(thing if isinstance(thing, Path) else _file(folder, *thing))
+                if name in PROGRAMS:
+                    notes += _of_first(run, files[-1].name)
             except InputError as error:  # what cannot be is no error of the export: there is no such file then
                 notes.append(f"{error} There is no {FORMATS[name].file}.")
             if formats and len(files) == before:  # nothing of what was asked for
@@ -182,7 +184,6 @@ def _matlab(run: SavedRun, _folder: Path, options: Options) -> Written:
     yield "results.mat", matlab_results(run, integer=integer_model(run).to_matlab())
     model = Identified.of_run(run, options.steps)
     yield "model.m", matlab_model(model.tables, model.case, model.run)
-    yield from _of_first(run, "model.m")
 
 
 def _c(run: SavedRun, _folder: Path, options: Options) -> Written:
@@ -193,7 +194,6 @@ def _c(run: SavedRun, _folder: Path, options: Options) -> Written:
     error = error_of_single(model.tables, model.case) if single else ""
     yield from c_model(model.tables, model.case, model.run, single=single, error=error).items()
     yield from filter(None, [error])
-    yield from _of_first(run, "fracid_model.c")
 
 
 def _of_first(run: SavedRun, file: str) -> Iterator[str]:
@@ -211,10 +211,8 @@ def _fmu(run: SavedRun, _folder: Path, options: Options) -> Written:
 
     model = Identified.of_run(run, options.steps or HOURS)
     archive, notes = fmu(model, options.fmi, options.platforms)
-    name = f"{model.identifier}.fmu"
-    yield name, archive
+    yield f"{model.identifier}.fmu", archive
     yield from notes
-    yield from _of_first(run, name)
 
 
 def _rigid(target: str, run: SavedRun, _folder: Path, _options: Options) -> Written:
@@ -267,7 +265,6 @@ def _javascript(run: SavedRun, _folder: Path, _options: Options) -> Written:
     from fracid.export.javascript import javascript_model
 
     yield "fracid_model.mjs", javascript_model(run.problem, run.x, run.problem.experiments[0], run.folder.name)
-    yield from _of_first(run, "fracid_model.mjs")
 
 
 def _toml(run: SavedRun, _folder: Path, _options: Options) -> Written:

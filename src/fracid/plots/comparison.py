@@ -73,8 +73,8 @@ def ladder(comparison: Comparison, *, style: str | Style = "screen") -> Figure:
     for output, panels in zip(comparison.outputs, grid, strict=True):
         for axes, (use, recordings) in zip(panels, columns, strict=True):
             _rungs(axes, comparison, output, recordings, use=use)
-            names = plain(recordings[0], 28) if len(recordings) == 1 else f"mean of {len(recordings)}"
-            heading = f"{'held out' if use == 'held_out' else 'fitted'}: {names}"
+            which = plain(recordings[0], 28) if len(recordings) == 1 else f"mean of {len(recordings)}"
+            heading = f"{'held out' if use == 'held_out' else 'fitted'}: {which}"
             title(axes, heading if output == comparison.outputs[0] else "")
         unit, _ = axis_unit(comparison.units.get(output, "rad"))
         panels[0].set_ylabel(f"RMSE of {symbol(output)} [{unit}]")

@@ -74,13 +74,11 @@ def fitted_over_time(
     grid = figure.subplots(2 * len(outputs), len(spans), squeeze=False, sharex="col",
                            height_ratios=[2 if brief else 3, 1] * len(outputs),
                            width_ratios=(2, 1.3)[: len(spans)])  # fmt: skip
-    headings: list[str] = []
-    for (panels, strips), name in zip(grid.reshape(len(outputs), 2, -1), outputs, strict=True):
+    headings = [f"{symbol(n)}: {goodness(recording, n, steps[n])}" for n in outputs]
+    for (panels, strips), name, heading in zip(grid.reshape(len(outputs), 2, -1), outputs, headings, strict=True):
         for panel, strip, span in zip(panels, strips, spans, strict=True):
             _measured_and_fitted(panel, recording, name, span)
             _residual_strip(strip, recording, name, span, step=steps[name])
-        heading = f"{symbol(name)}: {goodness(recording, name, steps[name])}"
-        headings.append(heading)
         short = brief and np.isfinite(recording.rmse[name])
         title(panels[0], f"RMSE {with_unit(recording.rmse[name], recording.unit(name))}" if short else heading, "left")
         display_unit, _ = axis_unit(recording.unit(name))

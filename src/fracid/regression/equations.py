@@ -167,8 +167,8 @@ def regress_equations(problem: Problem) -> Regression:
     equations = [r for e in problem.experiments for r in _rows(problem, e, unknown, 1.0)]
     for _, residual in equations:
         unknown = linear_in(residual, unknown, at, places)
-    here = [(residual, residual(at)) for _, residual in equations]
-    idle = [n for n in unknown if all(np.array_equal(r(_moved(at, {places[n]: 1.0})), before) for r, before in here)]
+    here, ones = [(residual, residual(at)) for _, residual in equations], np.eye(len(at))
+    idle = [n for n in unknown if all(np.array_equal(r(at + ones[places[n]]), before) for r, before in here)]
     held = {"the equations are not linear in": [n for n in names if n not in unknown], "no equation depends on": idle}
     unknown = [n for n in unknown if n not in idle]
     if not unknown or not equations:

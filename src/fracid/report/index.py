@@ -91,12 +91,16 @@ def identity(folder: Path, result: Mapping[str, Any], environment: Mapping[str, 
     preset = result.get("preset")
     recipe = f"{PRESETS.get(preset, preset)} ({how})" if preset else how
     lengths = [f"{number(r['to'] - r['from'], '.3g')} s" for r in result["recordings"].values()]
-    duration = joined(lengths) if len(lengths) <= 3 else f"{len(lengths)} recordings"
-    facts = (recipe, _date(environment.get("started", "")), duration, f"seed {result['seed']}")
+    facts = (recipe, _date(environment.get("started", "")), of_recordings(lengths), f"seed {result['seed']}")
     outcome = result["outcome"]
     cut = outcome in (Outcome.INTERRUPTED, Outcome.STOPPED)
     partial = f"the search was {outcome}; fracid resume continues it." if cut else ""
     return Identity(folder.resolve().name, tuple(filter(None, facts)), partial)
+
+
+def of_recordings(words: list[str]) -> str:
+    """A word of each recording; of many how many there are."""
+    return joined(words) if len(words) <= 3 else f"{len(words)} recordings"
 
 
 def _date(started: str) -> str:

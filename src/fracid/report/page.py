@@ -25,6 +25,7 @@ from fracid.report.index import (
     RUNS_BEGIN,
     RUNS_END,
     identity,
+    of_recordings,
     refresh_index,
     runs_of,
     studies_in,
@@ -233,7 +234,7 @@ def _context(material: Material) -> dict[str, Any]:
         "material": material, "project": material.project, "result": result, "environment": environment,
         "run": who.name, "partial": who.partial, "runs_begin": RUNS_BEGIN, "runs_end": RUNS_END,
         "title": f"{'PARTIAL ' if who.partial else ''}{who.name}: {', '.join(who.facts)}",
-        "meta": [model.name, _names(list(result["recordings"])), *who.facts],
+        "meta": [model.name, of_recordings(list(result["recordings"])), *who.facts],
         "orders": orders_drawn(result["orders"]),
         "open_at_most": OPEN, "warnings_shown": WARNINGS,
         "headline": headline, "lines": lines,
@@ -250,10 +251,6 @@ def _context(material: Material) -> dict[str, Any]:
         "command": shlex.join(["fracid", *environment["command"]]) if environment.get("command") else "",
         "profiles": material.beside("profiles.json"), "folder": _typed(material.folder, environment),
     }  # fmt: skip
-
-
-def _names(recordings: list[str]) -> str:
-    return joined(recordings) if len(recordings) <= 3 else f"{len(recordings)} recordings"
 
 
 def _no_rival(result: Mapping[str, Any]) -> str:
@@ -315,13 +312,12 @@ def _whose(model: Any, order: str) -> str:
 
 def _per_recording(material: Material) -> Iterator[dict[str, Any]]:
     for recording, r in material.result["recordings"].items():
-        for block, suffix in (("parameters", ""), ("initial_state", " at the start")):
+        for block, shown, suffix in (("parameters", letter, ""), ("initial_state", state_letter, " at the start")):
             for name, e in r[block].items():
                 if e["free"]:
-                    shown = state_letter(name) if block == "initial_state" else letter(name)
                     held_out = ", held out" * (r["use"] != "fit")
                     speed = ", its speed" * name.startswith("D^")
-                    yield {"name": f"{shown}{suffix}", "says": f"{recording}{held_out}{speed}", **e}
+                    yield {"name": f"{shown(name)}{suffix}", "says": f"{recording}{held_out}{speed}", **e}
 
 
 def _memory(text: str) -> str:

@@ -104,8 +104,7 @@ class Run:
             If that cannot be written.
         """
         _write_state(self.folder, replace(self.state, finished=True))
-        (self.folder / MEMO).unlink(missing_ok=True)
-        for path in _halves(self.folder):
+        for path in (self.folder / MEMO, *_halves(self.folder)):
             path.unlink(missing_ok=True)
 
 
@@ -175,10 +174,8 @@ def run_state(folder: Path) -> RunState:
     Traceback (most recent call last):
     fracid.errors.InputError: ... has no run.json that can be read: ...
     """
-    try:
-        return record_of(RunState, read_as(folder / RUN, RunState, "the command itself"))
-    except OSError:
-        raise InputError(SAYS("no-state", folder=folder)) from None
+    missing = SAYS("no-state", folder="{path.parent}")
+    return record_of(RunState, read_as(folder / RUN, RunState, "the command itself", missing))
 
 
 def cut_short(folder: Path, options: FitOptions, inputs: Mapping[str, str]) -> bool:
@@ -333,9 +330,8 @@ def open_folder(folder: Path, command: Sequence[str] = ()) -> Path:
 def _clear(folder: Path, command: Sequence[str]) -> None:
     """Of an earlier run's own files, and say in environment.json what is done now."""
     with writing(f"The folder {folder}"):
-        for old in (EVALUATIONS, MEMO, "result.json", *LATER):
-            (folder / old).unlink(missing_ok=True)
-        for path in (*_figures(folder), *_halves(folder)):
+        old = (folder / name for name in (EVALUATIONS, MEMO, "result.json", *LATER))
+        for path in (*old, *_figures(folder), *_halves(folder)):
             path.unlink(missing_ok=True)
         began = datetime.now(UTC).isoformat(timespec="seconds")
         typed = {"command": list(command), "directory": str(Path.cwd()), "started": began}

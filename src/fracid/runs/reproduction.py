@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -230,43 +230,39 @@ def compared(
     >>> [(d.where, float(round(d.size, 6))) for d in compared(one, other).differences]
     [('orders.mu.value', 1.1e-05)]
     """
-    pairs = list(_pairs((), {**before}, json.loads(json.dumps({**after}))))
-    half_widths = _claimed(before)
-    different = [_of_study(d, half_widths) for d in pairs if d is not None]
+    pairs = list(_pairs((), {**before}, json.loads(json.dumps({**after})), _claimed(before)))
+    different = [d for d in pairs if d is not None]
     differences = sorted(different, key=lambda d: (not d.found, d.excused, -d.size, d.where))
     return Reproduction(after, len(pairs), tuple(differences), dict(changed or {}))
 
 
-def _pairs(path: tuple[str, ...], before: Any, after: Any, width: float = 0.0) -> Iterator[Difference | None]:
+def _pairs(
+    path: tuple[str, ...], before: Any, after: Any, claimed: Mapping[tuple[str, ...], float], width: float = 0.0
+) -> Iterator[Difference | None]:
     """One for each value: None where it is the same."""
     before, after = ({} if v is _MISSING and isinstance(o, dict) else v for v, o in ((before, after), (after, before)))
     if isinstance(before, dict) and isinstance(after, dict):
         width = _half_width(before)
         for name in {**before, **after}:
             if path or name not in PASSING:
-                yield from _pairs((*path, name), before.get(name, _MISSING), after.get(name, _MISSING), width)
+                yield from _pairs((*path, name), before.get(name, _MISSING), after.get(name, _MISSING), claimed, width)
     elif isinstance(before, list) and isinstance(after, list) and len(before) == len(after):
         for place, pair in enumerate(zip(before, after, strict=True)):
-            yield from _pairs((*path, str(place)), *pair)
+            yield from _pairs((*path, str(place)), *pair, claimed)
     elif type(before) is type(after) and before == after:
         yield None
     else:
         blocks, names = FOUND
         is_estimate = path[0] in blocks and any(name in names for name in path[-2:])
-        half = width if path[-1] == "value" else 0.0
+        half = width if path[-1] == "value" else claimed.get(path, 0.0)
         was, now = ("missing" if v is _MISSING else v for v in (before, after))
         yield Difference(".".join(path), was, now, *_sizes(before, after, half), is_estimate)
 
 
-def _claimed(study: Mapping[str, Any]) -> dict[str, float]:
-    """Half the interval that a noise study's fits claim, by unknown: its truth has none of its own."""
+def _claimed(study: Mapping[str, Any]) -> dict[tuple[str, ...], float]:
+    """Half the interval that a noise study's fits claim of each value of its truth, which has none of its own."""
     unknowns = (study.get("cells") or [{}])[0].get("unknowns", {})
-    return {n: 2.0 * (u.get("claimed") or 0.0) for n, u in unknowns.items()}
-
-
-def _of_study(d: Difference, half_widths: Mapping[str, float]) -> Difference:
-    half = half_widths.get(d.where.removeprefix("truth."), 0.0) if d.where.startswith("truth.") else 0.0
-    return replace(d, of_interval=_sizes(d.before, d.after, half)[1]) if half > 0 else d
+    return {("truth", n): 2.0 * (u.get("claimed") or 0.0) for n, u in unknowns.items()}
 
 
 _MISSING = object()

@@ -11,7 +11,7 @@ import logging
 import pickle
 import queue
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from itertools import islice
@@ -53,10 +53,9 @@ def _from_cluster(client: Any, job: Job, tasks: Iterator[Task], address: str) ->
     from cloudpickle import dumps  # sends what a script defines, too
 
     packed = client.submit(unpacked, job.packed(dumps), pure=False)  # a task too: it comes back if its worker dies
-    ends = _Ends()
+    ends = _Ends(client, address)
     waiting: dict[str, tuple[Any, Task]] = {}  # Dask does a task only as long as its future is kept
     window = WINDOW * max(16, sum(client.nthreads().values()))
-    alone = _Alone(client, address)
     while True:
         batch = list(islice(tasks, window - len(waiting))) if len(waiting) <= window // 2 else []
         own = [job.own(task) for task in batch]
@@ -69,7 +68,7 @@ def _from_cluster(client: Any, job: Job, tasks: Iterator[Task], address: str) ->
             future.add_done_callback(ends.put)
         if not waiting:
             return
-        completions = ends.wait(alone.check)
+        completions = ends.wait()
         failed = [f for f in completions if f.status in FAILED]
         failures = [_given_up(waiting[f.key][1], f.exception()) for f in failed]
         whole = [f for f in completions if f not in failed]
@@ -84,24 +83,37 @@ def _from_cluster(client: Any, job: Job, tasks: Iterator[Task], address: str) ->
 
 
 class _Ends:
-    """Futures that have ended, as Dask's thread puts them; a result that is lost with its worker has not ended yet."""
+    """Futures that have ended, as Dask's thread puts them; a result that is lost with its worker has not ended yet.
 
-    def __init__(self) -> None:
+    While nothing ends, the scheduler may be gone, or the first worker be waited for too long.
+    """
+
+    def __init__(self, client: Any, address: str) -> None:
+        self._client, self._address, self._since = client, address, time.monotonic()
         self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._heard: list[Any] = []
         self.put = self._queue.put
 
-    def wait(self, idle: Callable[[], None]) -> list[Any]:
-        """All that has ended, one at least; `idle` is called while nothing ends."""
+    def wait(self) -> list[Any]:
+        """All that has ended, one at least."""
         while True:
             try:
                 self._heard.append(self._queue.get(timeout=IDLE))
             except queue.Empty:
-                idle()
+                self._look()
             self._heard += [self._queue.get() for _ in range(self._queue.qsize())]
             if ended := [f for f in self._heard if f.status in (*FAILED, "finished")]:
                 self._heard = [f for f in self._heard if f not in ended]
                 return ended
+
+    def _look(self) -> None:
+        """End the study where there is nothing to wait for."""
+        if self._client.status != "running":
+            raise Stopped(f"The Dask scheduler at {self._address} is gone.")
+        if self._client.nthreads():
+            self._since = time.monotonic()
+        elif time.monotonic() - self._since > PATIENCE:
+            raise Stopped(SAYS("no-worker", address=self._address, patience=PATIENCE))
 
 
 def _given_up(task: Task, error: BaseException) -> Stopped:
@@ -126,18 +138,3 @@ def _client(address: str) -> Iterator[Any]:
             yield client
         finally:
             client.close(timeout=1.0)
-
-
-class _Alone:
-    """Ends a study that waits for a scheduler that is gone, or too long for a first worker."""
-
-    def __init__(self, client: Any, address: str) -> None:
-        self._client, self._address, self._since = client, address, time.monotonic()
-
-    def check(self) -> None:
-        if self._client.status != "running":
-            raise Stopped(f"The Dask scheduler at {self._address} is gone.")
-        if self._client.nthreads():
-            self._since = time.monotonic()
-        elif time.monotonic() - self._since > PATIENCE:
-            raise Stopped(SAYS("no-worker", address=self._address, patience=PATIENCE))

@@ -42,10 +42,9 @@ _LATE: list[int] = []
 @contextmanager
 def ended_in_a_sentence() -> Iterator[None]:
     """Have these signals end the process in a sentence; where somebody else takes or ignores one, it stays theirs."""
-    taken = []
-    if threading.current_thread() is threading.main_thread():
-        taken = [number for name in NAMES if (number := getattr(signal, name, None)) is not None
-                 and signal.getsignal(number) is signal.SIG_DFL]  # fmt: skip
+    on_main = threading.current_thread() is threading.main_thread()
+    taken = [number for name in NAMES if on_main and (number := getattr(signal, name, None)) is not None
+             and signal.getsignal(number) is signal.SIG_DFL]  # fmt: skip
     for number in taken:
         signal.signal(number, _heard)
     try:

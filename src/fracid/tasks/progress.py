@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Any
@@ -55,6 +55,11 @@ class Observer:
     recordings: Callable[[Mapping[str, Any]], None] | None = None
     """Gets each recording beside its simulation, as in :attr:`fracid.Fit.recordings`, as soon as a minimum is known,
     and again where a lower one is found or more recordings are simulated.  Without it none is simulated for that."""
+
+    def notices(self, sentences: Iterable[object]) -> None:
+        """Give each to `notice`."""
+        for sentence in sentences:
+            self.notice(str(sentence))
 
 
 SILENT = Observer()

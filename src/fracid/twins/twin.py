@@ -37,8 +37,8 @@ import numpy as np
 from fracid.arrays import FloatArray, by_name
 from fracid.cards import CardDisplay
 from fracid.errors import InputError, at_least, refuse_unknown
-from fracid.models import Model, model
-from fracid.models.library import inputs_of, table_of
+from fracid.models import Model
+from fracid.models.library import from_library, inputs_of, table_of
 from fracid.problem import Experiment, Problem
 from fracid.problem.experiment import held_inputs
 from fracid.recording import Recording
@@ -154,8 +154,7 @@ class Twin(CardDisplay):
         given = {"initial": {}, "substeps": 8, **table_of(name)["twin"]}  # finer than a fit, which would find itself
         time = given["step"] * np.arange(round(given["end"] / given["step"]) + 1)
         inputs = {n: (time, u) for n, u in inputs_of(name, time).items()}
-        own = {} if zero is None else {"zero": zero}
-        return cls.of_model(model(name, **own), name=name, **{**given, "inputs": inputs or None})
+        return cls.of_model(from_library(name, zero=zero), name=name, **{**given, "inputs": inputs or None})
 
     @classmethod
     def of_problem(cls, problem: Problem, x: FloatArray, experiment: Experiment) -> Twin:
@@ -216,7 +215,6 @@ class Twin(CardDisplay):
         mappings = {name: getattr(self, name) for name in ("orders", "parameters", "initial") if name in changes}
         new = replace(self, **changes | {name: {**old, **changes[name]} for name, old in mappings.items()})
         new.model.state_orders(new.orders)
-        new.model.parameter_vector(new.parameters)
         new.model.state_vector({**new.initial, **changes.get("initial", {})})
         if new.history is not None and (new.step, new.orders) != (self.step, self.orders):
             raise InputError(SAYS("in-motion", name=self.name))

@@ -307,8 +307,7 @@ def _checked(project: Project, jobs: int, observer: Observer) -> tuple[Finding, 
     observer.stage("checks of the data")
     reports = {r.name: r.report for r in project.recordings}
     findings = before(project.problem, reports, validation=project.validation, fixed_step=project.fixed_step, jobs=jobs)
-    for finding in findings:
-        observer.notice(str(finding))
+    observer.notices(findings)
     return findings
 
 
@@ -319,15 +318,13 @@ def _identified(
     """Identify; what was simulated before a resumption is read from the folder."""
     from fracid.identification import identify  # not above: the process that draws starts while this is imported
 
-    for note in _short_of_room(project, run.folder):
-        observer.notice(note)
+    observer.notices(_short_of_room(project, run.folder))
     with (
         EvaluationLog(run.folder / EVALUATIONS, again=run.resumed) as log,
         Memo(run.folder / MEMO) as memo,
         _starts_kept(run, options["executor"], project.problem.names) as journal,
     ):
-        for note in _notes(run, log, memo) if run.resumed else ():
-            observer.notice(note)
+        observer.notices(_notes(run, log, memo) if run.resumed else ())
         remembering = replace(project, problem=replace(project.problem, memo=memo))
         fit = identify(remembering, optimiser=optimiser, jobs=jobs, log=log, journal=journal, seen=findings,
                        observer=observer, **options)  # fmt: skip

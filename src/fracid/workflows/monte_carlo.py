@@ -132,8 +132,7 @@ def run_noise_study(
         )  # fmt: skip
         watching.stage("repetitions")
         with journal_of(folder, _header(plan, project), fault, watching, counted="repetitions", command=words) as kept:
-            for finding in plan.findings:
-                watching.notice(str(finding))
+            watching.notices(plan.findings)
             study = plan.run(Execution(executor or ("threads" if plan.own else "processes"), jobs, **kept))
     return FinishedNoiseStudy.written(folder, study.to_json() | {"source": str(source)}, of_study(study), watching,
                                       contents={TABLE: csv_text(study.lines())}, study=study,

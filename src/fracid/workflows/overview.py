@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from fracid.recording import Recording
+from fracid.tasks.progress import Observer
 
 
-def write_overview(recording: Recording, folder: Path) -> Path:
+def write_overview(recording: Recording, folder: Path, observer: Observer) -> Path:
     """Draw a recording with its report into a folder; gives the file.
 
     Raises
@@ -15,6 +16,7 @@ def write_overview(recording: Recording, folder: Path) -> Path:
     InputError
         If the folder cannot be written.
     """
-    from fracid.plots import recording_overview, save
+    observer.stage("figure")
+    from fracid.plots import recording_overview, save  # takes a second to import
 
     return save(recording_overview(recording), folder, recording.name, formats=("png",))[0]

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 from fracid.errors import InputError, refuse_unknown
 from fracid.estimation.cost_profile import Profiles
@@ -18,7 +19,7 @@ from fracid.problem.project import load_project
 from fracid.report import plane_of
 from fracid.runs.folder import FIGURES
 from fracid.runs.saved import SavedRun, load_run
-from fracid.safety.schema import read_as
+from fracid.safety.schema import Record, read_as
 from fracid.selection.comparison_records import Comparison
 from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.job import one_blas_thread
@@ -37,8 +38,6 @@ from fracid.workflows.figures import (
 from fracid.workflows.fit import SAYS
 
 FORMATS = ("pdf", "svg", "png")
-
-UNREAD = "{path} cannot be read: {error}."
 
 
 def redraw(
@@ -104,11 +103,9 @@ def _of_folder(folder: Path, trust: bool, jobs: int) -> Pictures:
     """All that can be drawn of what lies there."""
     refuse_links(folder)
     if (folder / "compare.json").exists():
-        content = read_as(folder / "compare.json", Comparison, "fracid compare PROJECT", UNREAD)
-        return of_comparison(Comparison.of_json(content))
+        return of_comparison(_read(folder / "compare.json", Comparison, "fracid compare PROJECT"))
     if not (folder / "result.json").exists() and (folder / "noise.json").exists():
-        content = read_as(folder / "noise.json", NoiseStudy, "fracid noise RUN", UNREAD)
-        return of_study(NoiseStudy.of_json(content))
+        return of_study(_read(folder / "noise.json", NoiseStudy, "fracid noise RUN"))
     run = load_run(folder, trust=trust)
     return chain(
         of_rig(rig_as_found(run.problem.model, run.parameters)), of_recordings(run.recordings, run.resolutions),
@@ -119,10 +116,15 @@ def _of_folder(folder: Path, trust: bool, jobs: int) -> Pictures:
 
 def _of_profiles(run: SavedRun) -> Pictures:
     if (path := run.folder / "profiles.json").exists():
-        content = read_as(path, Profiles, "fracid profile RUN", UNREAD)
-        if not set(run.problem.names) <= set(content["minimum"]):
+        profiles = _read(path, Profiles, "fracid profile RUN")
+        if not set(run.problem.names) <= set(profiles.minimum):
             raise InputError(f"{path} is of other unknowns than the run. Write it again: fracid profile RUN.")
-        yield "profiles", replace(Profiles.of_json(content), problem=run.problem).plot
+        yield "profiles", replace(profiles, problem=run.problem).plot
+
+
+def _read(path: Path, kind: type[Record], wrote: str) -> Any:
+    """What a command wrote of a kind."""
+    return kind.of_json(read_as(path, kind, wrote, "{path} cannot be read: {error}."))
 
 
 def _of_linear(run: SavedRun) -> Pictures:

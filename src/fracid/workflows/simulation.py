@@ -194,9 +194,8 @@ def simulate_twin(
     DataError
         If the simulation does not reach its end.
     """
-    folder = None if to is not None and out is None else out or default_folder(f"{_stem(source)}-simulated")
-    file = to if folder is None or to is not None else folder / f"{_stem(source)}.csv"
-    assert file is not None
+    file = to or (out or default_folder(f"{_stem(source)}-simulated")) / f"{_stem(source)}.csv"
+    folder = file.parent if to is None else out
     _refuse_over("--to", file, WRITERS, force or (to is None and file.with_suffix(".json").exists()))
     if truth is not None:
         _refuse_over("--truth", truth, (".json",), force)
@@ -205,8 +204,7 @@ def simulate_twin(
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         run = twin.simulate()
-    for warning in caught:
-        watching.notice(str(warning.message))
+    watching.notices(warning.message for warning in caught)
     if run.completed and run.fault:
         watching.notice(str(run.fault))
     if not run.completed:

@@ -155,6 +155,5 @@ def journal_of(
         refuse_fit(folder, study["kind"])
         open_folder(folder, command)
     with Journal(folder / JOURNAL, study, fault) as journal, observer.progress(counted) as tell:
-        for note in journal.notes:
-            observer.notice(note)
+        observer.notices(journal.notes)
         yield {"journal": journal, "progress": tell}
