@@ -1,7 +1,7 @@
 """The array types of fracid: 64-bit floats, and indices.  Shapes and units stand in the docstrings."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from numbers import Real
 from typing import Any, TypeVar
@@ -17,6 +17,9 @@ IntArray = NDArray[np.int64]
 """For indices."""
 
 Name = TypeVar("Name")
+
+ByName = Mapping[str, float]
+"""Numbers by the names of what they are of: orders, parameters, unknowns."""
 
 ROUNDED = 1e-3
 """Steps of a grid by which a stamp that is meant to lie on it may be off, as one of an epoch is."""
