@@ -24,6 +24,9 @@ Signals = Mapping[str, FloatArray]
 
 Name = TypeVar("Name")
 
+ByName = Mapping[str, float]
+"""Numbers by the names of what they are of: orders, parameters, unknowns."""
+
 ROUNDED = 1e-3
 """Steps of a grid by which a stamp that is meant to lie on it may be off, as one of an epoch is."""
 

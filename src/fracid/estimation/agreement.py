@@ -16,7 +16,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
 from fracid.errors import Failure, InputError, at_least
-from fracid.estimation.covariance import Uncertainty, uncertainty
+from fracid.estimation.covariance import Known, uncertainty
 from fracid.estimation.nearly_equal import chord_of_one, derivatives_of_each
 from fracid.estimation.profile_walk import refit
 from fracid.estimation.tangent import Tangent
@@ -128,7 +128,7 @@ def spread(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Spread:
     })  # fmt: skip
 
 
-def _alone(one: Problem, x: FloatArray, J: FloatArray | None) -> tuple[FloatArray, Uncertainty | Failure | None]:
+def _alone(one: Problem, x: FloatArray, J: FloatArray | None) -> tuple[FloatArray, Known | None]:
     """The minimum of one recording, and what is known there: by the derivatives at x, where those lead to it."""
     near = None if J is None else chord_of_one(one, x, J)
     if J is not None and near is not None:

@@ -17,7 +17,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 
@@ -186,7 +186,7 @@ def block_long_run(blocks: Blocks, scores: Sequence[FloatArray]) -> tuple[list[F
     return [bartlett_long_run(whitened(part, rho), bandwidth) / (1 - rho) ** 2 for part in scores], bandwidth
 
 
-def block_sandwiched(blocks: Blocks, inverse: FloatArray, S: Sequence[FloatArray], prior: FloatArray) -> FloatArray:
+def block_sandwiched(blocks: Blocks, inverse: FloatArray, S: Iterable[FloatArray], prior: FloatArray) -> FloatArray:
     """A⁻¹SA⁻¹, S of each recording's columns and what priors add to its diagonal, shape (n_unknowns, n_unknowns)."""
     filled = prior[:, None] * inverse
     for k, part in enumerate(S):

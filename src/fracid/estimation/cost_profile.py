@@ -293,7 +293,7 @@ def profile(
     count = Counter(progress, 0 if joint is None else min(points, GRID) ** 2, about=True)
     for _ in range(3):
         surface = _minimum(problem, x, at, jobs)
-        walks, (x, lower) = _walks(surface, at, points, jobs, count=count)
+        walks, x, lower = _walks(surface, at, points, count)
         if lower > -LOWER:
             break
         notes.append(f"A point of the profile has a lower cost than the minimum, W = {lower:.2g}; all starts from it.")
@@ -301,7 +301,7 @@ def profile(
     profiles = {problem.names[i]: _join(surface, i, below, above) for i, below, above in pairs}
     if not surface.calibrated:
         notes.append(f"The cost {problem.cost_function.name} is a user's own, of unknown loss: there is no threshold.")
-    grid = None if pair is None else _joint(surface, pair, profiles, points, jobs=jobs, count=count)
+    grid = None if pair is None else _joint(surface, pair, profiles, points, count=count)
     return Profiles(
         problem=problem, minimum=problem.named(surface.top.point), profiles=profiles, joint=grid, notes=tuple(notes),
         at_best=CostAtBest(name=problem.cost_function.name, value=surface.top.cost),
@@ -319,9 +319,7 @@ def _minimum(problem: Problem, x: FloatArray, at: Sequence[int], jobs: int) -> S
     return Surface(problem, there, jobs) if good else surface
 
 
-def _walks(
-    surface: Surface, at: Sequence[int], points: int, jobs: int, count: Counter
-) -> tuple[list[Branch], tuple[FloatArray, float]]:
+def _walks(surface: Surface, at: Sequence[int], points: int, count: Counter) -> tuple[list[Branch], FloatArray, float]:
     """Both sides of each unknown, and of all their points the lowest, with its rise."""
     tasks = [(i, side) for i in at for side in (-1, 1)]
     usual = points // 2
@@ -332,10 +330,10 @@ def _walks(
         count.expect(len(branch.path) - usual)
         return branch
 
-    walks = in_threads(jobs, walked_one, tasks)
+    walks = in_threads(surface.jobs, walked_one, tasks)
     pairs = zip(tasks, walks, strict=True)
     candidates = [(e.point, surface.rise(e, i)) for (i, _), walked in pairs for e in walked.path]
-    return walks, min(candidates, key=lambda pair: pair[1], default=(surface.top.point, 0.0))
+    return walks, *min(candidates, key=lambda pair: pair[1], default=(surface.top.point, 0.0))
 
 
 def _indices(problem: Problem, names: Sequence[str] | None) -> list[int]:
@@ -395,7 +393,7 @@ REACH = 3.2
 
 
 def _joint(
-    surface: Surface, pair: tuple[int, int], profiles: dict[str, Profile], points: int, jobs: int, count: Counter
+    surface: Surface, pair: tuple[int, int], profiles: dict[str, Profile], points: int, count: Counter
 ) -> JointProfile:
     """W over a grid; each point starts from where the parabola would have it."""
     if not surface.calibrated:
@@ -416,7 +414,7 @@ def _joint(
         return 2 * value * float(delta @ filled @ delta) / max(float(delta @ bread @ delta), 1e-300)
 
     grid = [np.array([a, b]) for a in axes[0] for b in axes[1]]
-    rises = np.array(in_threads(jobs, rise, grid)).reshape(len(axes[0]), len(axes[1]))
+    rises = np.array(in_threads(surface.jobs, rise, grid)).reshape(len(axes[0]), len(axes[1]))
     c = shape.covariance[np.ix_(at, at)]
     correlation = c[0, 1] / math.sqrt(c[0, 0] * c[1, 1]) if c[0, 0] > 0 and c[1, 1] > 0 else math.nan
     names, units = zip(*((u.name, u.unit) for u in (surface.problem.unknowns[i] for i in pair)), strict=True)

@@ -81,7 +81,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -198,6 +198,10 @@ class Uncertainty:
         return np.asarray(self.samples * (self.white * self.widening / self.standard_error) ** 2)
 
 
+Known = Uncertainty | Failure
+"""How well the unknowns of a minimum are known, or why there is no telling."""
+
+
 @dataclass(frozen=True)
 class Sandwich:
     """The curvature of the cost and the scatter of its minimum, over some of the unknowns."""
@@ -218,9 +222,7 @@ class Sandwich:
     """By what the standard errors were widened for few samples, shape (n_free,)."""
 
 
-def uncertainty(
-    problem: Problem, x: FloatArray, *, jobs: int = 1, near: Tangent | None = None
-) -> Uncertainty | Failure:
+def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1, near: Tangent | None = None) -> Known:
     """Find the covariance at the minimum x, or say why there is none.
 
     Parameters
@@ -416,13 +418,12 @@ def _sandwich(problem: Problem, J: BlockJacobian, free: NDArray[np.intp]) -> San
     return Sandwich(free, inverse, covariance, white, directions=bread.unseen / norm, effects=norm, widening=wider)
 
 
-def _white(problem: Problem, J: BlockJacobian, norm: FloatArray) -> list[FloatArray]:
+def _white(problem: Problem, J: BlockJacobian, norm: FloatArray) -> Iterator[FloatArray]:
     """S₀ of each recording's columns: were the residuals of each output of a recording white, of one variance."""
-    psi, weights, found = loss_of(problem).psi, problem.criterion.sample_weights(J.errors), []
+    psi, weights = loss_of(problem).psi, problem.criterion.sample_weights(J.errors)
     for k, (of, w, e, j) in enumerate(zip(problem.experiments, weights, J.errors, J.parts, strict=True)):
         rows = (w * np.sqrt(np.sum(psi(e) ** 2, axis=0) / of.samples))[..., None] * j / norm[J.blocks.columns(k)]
-        found.append(np.einsum("toi,toj->ij", rows, rows, optimize=True))
-    return found
+        yield np.einsum("toi,toj->ij", rows, rows, optimize=True)
 
 
 def _sparse(directions: FloatArray, effects: FloatArray) -> FloatArray:
@@ -460,7 +461,7 @@ def residual_bandwidth(errors: list[FloatArray]) -> float:
     return float(min(longest, min(map(len, errors)) // 4))
 
 
-def half_width(precision: Uncertainty | Failure, x: FloatArray, i: int) -> float:
+def half_width(precision: Known, x: FloatArray, i: int) -> float:
     """The longer side of the 95 % interval of free parameter i; 0 where there is none."""
     interval = None if isinstance(precision, Failure) else precision.interval(x, i)
     return 0.0 if interval is None else max(interval[1] - float(x[i]), float(x[i]) - interval[0])

@@ -13,7 +13,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
-from fracid.estimation.covariance import Uncertainty, uncertainty
+from fracid.estimation.covariance import Known, uncertainty
 from fracid.estimation.horizons import Watch, from_start
 from fracid.estimation.long_records import coarse_problem, corrected, is_coarse, on_every_sample, own_substeps
 from fracid.estimation.parameter_verdicts import Verdict, identifiability
@@ -22,21 +22,19 @@ from fracid.estimation.windows import windowed
 from fracid.problem import Experiment, Free, Problem, Unknown
 
 
-def estimates_at(
-    problem: Problem, x: FloatArray, precision: Uncertainty | Failure, verdicts: Mapping[str, Verdict]
-) -> dict[str, Estimate]:
+def estimates_at(problem: Problem, x: FloatArray, known: Known, verdicts: Mapping[str, Verdict]) -> dict[str, Estimate]:
     """Every order and parameter by name, and every unknown by its own; what is tied as that which it follows."""
     units = {p.name: p.unit for p in problem.model.parameters}
     starts = problem.order_starts | {p.name: p.value for p in problem.model.parameters} | problem.parameter_starts
     values = {**problem.orders, **problem.parameters}
     fixed = {n: Estimate(float(v), units.get(n, "")) for n, v in starts.items()
              if not isinstance(values.get(problem.ties.get(n, n)), Free)}  # fmt: skip
-    free = {u.name: _estimate(u, x, i, precision, verdict=verdicts.get(u.name, Verdict(u.name, "unknown")))
+    free = {u.name: _estimate(u, x, i, known, verdict=verdicts.get(u.name, Verdict(u.name, "unknown")))
             for i, u in enumerate(problem.unknowns)}  # fmt: skip
     return fixed | free | {name: free[to] for name, to in problem.aliases.items()}
 
 
-def _estimate(u: Unknown, x: FloatArray, i: int, precision: Uncertainty | Failure, verdict: Verdict) -> Estimate:
+def _estimate(u: Unknown, x: FloatArray, i: int, precision: Known, verdict: Verdict) -> Estimate:
     value = float(x[i])
     if isinstance(precision, Failure):
         return Estimate(value, u.unit, True, identifiable=verdict.kind)

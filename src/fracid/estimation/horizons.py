@@ -5,7 +5,7 @@ short part of the record, and lengthens it as long as the fit holds."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.estimation.starts import Start
+from fracid.estimation.starts import Begun, Start
 from fracid.optimise import (
     Evaluation,
     EvaluationLog,
@@ -21,6 +21,7 @@ from fracid.optimise import (
     Outcome,
     Path,
     Result,
+    Told,
     least_squares,
     lockstep,
     minimise,
@@ -74,7 +75,7 @@ class Watch:
 
     jobs: int = 1
     log: EvaluationLog | None = None
-    callback: Callable[[Evaluation, int], None] | None = None
+    callback: Told | None = None
     count: int = 0
     best: Evaluation | None = None
     """The lowest on the whole record."""
@@ -169,9 +170,11 @@ class _Way(Path):
                      evaluations=self.evaluations)  # fmt: skip
 
 
-def grown_horizon(
-    problem: Problem, points: list[tuple[str, FloatArray]], watch: Watch, spare: Sequence[tuple[str, FloatArray]] = ()
-) -> tuple[Result, tuple[Start, ...]]:
+Searched = tuple[Result, tuple[Start, ...]]
+"""How a search ended, and each of its starts."""
+
+
+def grown_horizon(problem: Problem, points: list[Begun], watch: Watch, spare: Sequence[Begun] = ()) -> Searched:
     """Fit from several points on horizons that grow, and keep those that promise most at each.
 
     A start whose run fails, other than the first, is moved to the next of the `spare` points.
@@ -228,9 +231,7 @@ def _on_part(at: Problem, live: list[_Way], part: str, watch: Watch) -> Result:
     return result
 
 
-def _moved(
-    way: _Way, others: Iterator[tuple[str, FloatArray]], parts: Sequence[tuple[str, Problem]], watch: Watch
-) -> Result | None:
+def _moved(way: _Way, others: Iterator[Begun], parts: Sequence[tuple[str, Problem]], watch: Watch) -> Result | None:
     """Begin a start whose run fails anew from another point, up to where the others are; None if none is left."""
     for name, x in others:
         way.name, way.begun, way.at, way.on_first, way.came_down = name, x, x, None, False

@@ -103,9 +103,7 @@ def walked(here: Tangent, known: Uncertainty, *, most: float = math.inf, jobs: i
     return _walked(here, found, [i for i in range(len(here.x)) if i not in shared], 0.5 * most, jobs=jobs)
 
 
-def _walked(
-    here: Tangent, known: Uncertainty, which: Sequence[int], most: float, jobs: int
-) -> Uncertainty | Evaluation:
+def _walked(here: Tangent, known: Uncertainty, which: list[int], most: float, jobs: int) -> Uncertainty | Evaluation:
     """The same of some unknowns; those without an interval stay so."""
     start, together = linearised(here), _Together(most)
     ways = [

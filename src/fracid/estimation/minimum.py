@@ -19,7 +19,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
-from fracid.estimation.covariance import Uncertainty
+from fracid.estimation.covariance import Known
 from fracid.estimation.linearised import Linearised, linearised
 from fracid.estimation.side_by_side import Walk, side_by_side
 from fracid.estimation.tangent import Tangent, tangent
@@ -50,7 +50,7 @@ class Minimum:
     best: Evaluation
     substeps: int
     """Steps of a sample; of coarser recordings of one of their source."""
-    uncertainty: Uncertainty | Failure
+    uncertainty: Known
     near: Tangent | None = None
     """The tangent there, where its derivatives are known."""
 

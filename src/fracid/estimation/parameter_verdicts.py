@@ -45,7 +45,7 @@ from fracid.cards import rounded
 from fracid.errors import Failure, InputError
 from fracid.estimation.block_covariance import summed
 from fracid.estimation.cost_profile import Profile
-from fracid.estimation.covariance import Uncertainty, half_width, sandwich, uncertainty
+from fracid.estimation.covariance import Known, Uncertainty, half_width, sandwich, uncertainty
 from fracid.estimation.derivatives import by_blocks
 from fracid.estimation.records import in_words
 from fracid.findings import Words
@@ -117,7 +117,7 @@ class Verdict:
 def identifiability(
     problem: Problem,
     x: FloatArray,
-    known: Uncertainty | Failure | None = None,
+    known: Known | None = None,
     profiles: Mapping[str, Profile] | None = None,
     *,
     jobs: int = 1,

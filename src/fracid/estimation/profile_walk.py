@@ -92,7 +92,7 @@ class Surface:
         self.space = problem.space
         self.at_bound = np.flatnonzero(at_bound(problem, top.point, jobs=jobs))
         self._shape: dict[tuple[int, ...], Sandwich] = {}
-        self._jobs = jobs
+        self.jobs = jobs
         self._lock = threading.Lock()
 
     def sandwich(self, *which: int) -> Sandwich:
@@ -101,7 +101,7 @@ class Surface:
         free = np.union1d(inside, which).astype(np.intp)
         with self._lock:
             if tuple(free) not in self._shape:
-                shape = sandwich(self.problem, self.top.point, free, jobs=self._jobs)
+                shape = sandwich(self.problem, self.top.point, free, jobs=self.jobs)
                 if isinstance(shape, Failure):
                     raise InputError(f"There is no threshold for the profile: {shape}.")
                 self._shape[tuple(free)] = shape

@@ -92,9 +92,11 @@ class Edges:
         return np.asarray(sum((t.T @ t / len(t) for t in self.tables), np.zeros_like(self.white)))
 
 
-def edges(
-    problem: Problem, errors: list[FloatArray], J: list[FloatArray], psi: Callable[[FloatArray], FloatArray]
-) -> Edges | None:
+Psi = Callable[[FloatArray], FloatArray]
+"""ψ of a loss."""
+
+
+def edges(problem: Problem, errors: list[FloatArray], J: list[FloatArray], psi: Psi) -> Edges | None:
     """What undithered encoders do to the scores at a minimum; None where there is none.
 
     Parameters
@@ -231,9 +233,7 @@ def _alike(d: FloatArray, noise: float) -> FloatArray:
     return np.asarray(np.cos(2 * np.pi * np.outer(d, k)) @ squares)
 
 
-def _table(
-    fitted: FloatArray, score: FloatArray, step: float, noise: float, psi: Callable[[FloatArray], FloatArray]
-) -> tuple[FloatArray, float]:
+def _table(fitted: FloatArray, score: FloatArray, step: float, noise: float, psi: Psi) -> tuple[FloatArray, float]:
     """G on a grid of edges, shape (n_phases, n_free), and the variance of E[ψ | u]."""
     u = (np.arange(4 * PHASES) + 0.5) / (4 * PHASES) - 0.5
     tooth = psi(step * -u)  # round(u) is 0

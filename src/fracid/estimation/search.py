@@ -38,8 +38,8 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError, at_least
 from fracid.estimation.climbing import climbed
-from fracid.estimation.horizons import Watch, grown_horizon, horizons, minimised, refined, uninterrupted
-from fracid.estimation.starts import EndBlock, Start
+from fracid.estimation.horizons import Searched, Watch, grown_horizon, horizons, minimised, refined, uninterrupted
+from fracid.estimation.starts import Begun, EndBlock, Start
 from fracid.optimise import (
     MOST_STARTS,
     Entry,
@@ -73,7 +73,7 @@ STRANGE = 1e50
 def search(
     problem: Problem, optimiser: Entry, rng: np.random.Generator, *, starts: int = 1, watch: Watch | None = None,
     options: dict[str, Any] | None = None, executor: str = "threads", journal: Journal | None = None,
-) -> tuple[Result, tuple[Start, ...]]:  # fmt: skip
+) -> Searched:  # fmt: skip
     """Minimise the cost of a problem by an optimiser, an entry of :data:`fracid.optimise.OPTIMISERS`.
 
     With an `executor` other than threads, the starts of ``multistart`` are tasks of
@@ -140,9 +140,7 @@ def searched(project: Project, purpose: str, jobs: int) -> FloatArray:
     return best.point
 
 
-def _climbing(
-    problem: Problem, result: Result, made: tuple[Start, ...], watch: Watch
-) -> tuple[Result, tuple[Start, ...]]:
+def _climbing(problem: Problem, result: Result, made: tuple[Start, ...], watch: Watch) -> Searched:
     """The lower of what the starts came to and what a climb to rich friction comes to, where there is any."""
     before = watch.count
     try:
@@ -172,7 +170,7 @@ def _polished(problem: Problem, result: Result, watch: Watch) -> Result:
 # --- where to start ----------------------------------------------------------------------------------
 
 
-def _regression_start(problem: Problem) -> list[tuple[str, FloatArray]]:
+def _regression_start(problem: Problem) -> list[Begun]:
     """The regression's start, where the model is a rotary pendulum and the regression finds anything."""
     from fracid.regression import start_values  # here: its packages take a second to import
 
@@ -187,7 +185,7 @@ def _regression_start(problem: Problem) -> list[tuple[str, FloatArray]]:
 
 def _sobol_starts(
     problem: Problem, count: int, rng: np.random.Generator, watch: Watch, candidates: int = CANDIDATES
-) -> list[tuple[str, FloatArray]]:
+) -> list[Begun]:
     """Sobol points, `count` at least, those that come nearest on the first swing first; initial states as measured.
 
     Where the runs of too many fail, more are drawn.
@@ -218,9 +216,7 @@ def _sobol_starts(
 # --- each start for itself, wherever there is a processor -----------------------------------------------
 
 
-def _scattered(
-    problem: Problem, points: list[tuple[str, FloatArray]], executor: str, watch: Watch, journal: Journal | None
-) -> tuple[Result, tuple[Start, ...]]:
+def _scattered(problem: Problem, points: list[Begun], executor: str, watch: Watch, journal: Journal | None) -> Searched:
     """One task a start."""
     tasks = [Task(origin, (problem, origin, x)) for origin, x in points]
     results = run_tasks(_one_start, tasks, executor=executor, jobs=watch.jobs, journal=journal).values()

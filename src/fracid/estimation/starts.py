@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
+from fracid.arrays import FloatArray
 from fracid.optimise.base import Outcome
 from fracid.safety.schema import Block, Infinite, Number, Record, Unknown, fault_of, lacking
 
@@ -18,6 +19,9 @@ SAME_COST = 1.01
 
 
 Origin = Annotated[str, Field(pattern=r"^(given|regression|Sobol [0-9]{1,9}|the simpler structure|windows)$")]
+
+Begun = tuple[str, FloatArray]
+"""Where a start comes from, and where it begins."""
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from statistics import median_low
@@ -323,7 +323,7 @@ def _equal_spans(first: int, end: int, count: int) -> list[tuple[int, int]]:
     return list(pairwise(np.linspace(first, end, count + 1).astype(int).tolist()))
 
 
-def _in_turn(e: Experiment, seconds: float, of: int, parts: int, remembers: bool) -> list[Experiment]:
+def _in_turn(e: Experiment, seconds: float, of: int, parts: int, remembers: bool) -> Iterator[Experiment]:
     """Windows of one `of` so many recordings, of all of its samples where these are not too many; or their parts."""
     samples = len(e.measured)
     length = max(SAMPLES * PARTS, round(seconds / e.step), math.ceil(2 * PARTS * e.longest_delay / e.step))
@@ -335,14 +335,12 @@ def _in_turn(e: Experiment, seconds: float, of: int, parts: int, remembers: bool
         between = [(e.start + a * e.step, e.start + (b - 1) * e.step) for a, b in left]
         pairs, whole = [pair for k, pair in enumerate(pairs) if k in kept], replace(whole, mask=(*e.mask, *between))
     pairs = [part for a, b in pairs for part in _equal_spans(a, b, parts)]
-    windows = []
     for k, (a, b) in enumerate(pairs, start=1):
         window = replace(piece(e, f"{e.name}, window {k}", a, b), whole=whole, begun=_begun(e, a))
         if remembers and a >= SAMPLES:
             before = piece(e, e.name, max(0, a - PAST * length), a)
             window = replace(window, past=before.measured, past_inputs=before.inputs)
-        windows.append(window)
-    return windows
+        yield window
 
 
 def _begun(e: Experiment, first: int) -> tuple[FloatArray, FloatArray]:

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import pairwise
@@ -38,7 +38,7 @@ from fracid.findings import Finding
 from fracid.fit import Fit
 from fracid.identification.examination import SAYS, Examination, Setting
 from fracid.identification.result import as_fit
-from fracid.optimise import Entry, Evaluation, EvaluationLog, Outcome, optimiser_from_name
+from fracid.optimise import Entry, Evaluation, EvaluationLog, Outcome, Told, optimiser_from_name
 from fracid.problem import Experiment, Problem
 from fracid.problem.checks import refuse_twins
 from fracid.problem.project import Project
@@ -62,7 +62,7 @@ def identify(
     jobs: int = 1,
     starts: int | None = None,
     log: EvaluationLog | None = None,
-    callback: Callable[[Evaluation, int], None] | None = None,
+    callback: Told | None = None,
     cut: bool = False,
     executor: str = "threads",
     journal: Journal | None = None,
@@ -194,9 +194,7 @@ def identify(
 
 
 @contextmanager
-def _counted(
-    problem: Problem, entry: Entry, observer: Observer, callback: Callable[[Evaluation, int], None] | None
-) -> Iterator[Callable[[Evaluation, int], None]]:
+def _counted(problem: Problem, entry: Entry, observer: Observer, callback: Told | None) -> Iterator[Told]:
     """Evaluations, time and the best cost so far, for an observer; and for the caller's own callback."""
     start_time = time.perf_counter()
     units = {e.units.get(n, "rad") if e.deviation is None else "" for e in problem.experiments for n in problem.outputs}

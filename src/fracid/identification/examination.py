@@ -39,7 +39,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import Failure, FailureReason
 from fracid.estimation.agreement import Spread, spread
 from fracid.estimation.climbing import embedded
-from fracid.estimation.covariance import Uncertainty, half_width, uncertainty
+from fracid.estimation.covariance import Known, Uncertainty, half_width, uncertainty
 from fracid.estimation.curvature import curvature, newton_step
 from fracid.estimation.estimates import estimates_at, fits_at, validation_fit
 from fracid.estimation.horizons import Watch, growing, lowest_from, uninterrupted
@@ -269,7 +269,7 @@ class Examination:
             fitted = fits_at(problem, x, estimates_at(problem, x, self.at.uncertainty, self.verdicts), use="fit")
             draw(fitted | self.validated)
 
-    def _walked(self, most: float) -> Uncertainty | Failure | Evaluation:
+    def _walked(self, most: float) -> Known | Evaluation:
         known = self.at.uncertainty
         if self.at.near is None or isinstance(known, Failure) or self.setting.optimiser.keeps_its_own:
             return known

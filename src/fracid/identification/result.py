@@ -14,7 +14,7 @@ from functools import partial
 from fracid.arrays import FloatArray
 from fracid.cards import brief, listed
 from fracid.errors import Failure, FailureReason
-from fracid.estimation.covariance import OF_FITS, Uncertainty
+from fracid.estimation.covariance import OF_FITS, Known, Uncertainty
 from fracid.estimation.drift import drift_of
 from fracid.estimation.estimates import estimates_at, fits_at
 from fracid.estimation.long_records import on_every_sample
@@ -134,7 +134,7 @@ UNTOLD = ("identifiable", "forgotten", "unknown")
 """Verdicts that are no warning."""
 
 
-def _warnings(problem: Problem, precision: Uncertainty | Failure, verdicts: Mapping[str, Verdict]) -> Iterator[str]:
+def _warnings(problem: Problem, precision: Known, verdicts: Mapping[str, Verdict]) -> Iterator[str]:
     if METHODS[problem.method].raw:
         yield SAYS("raw-sums", problem=problem)
     for order, output in problem.model.seen_in.items():

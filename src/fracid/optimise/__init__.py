@@ -18,6 +18,7 @@ from fracid.optimise.base import Optimiser as Optimiser
 from fracid.optimise.base import Outcome as Outcome
 from fracid.optimise.base import Result as Result
 from fracid.optimise.base import Space as Space
+from fracid.optimise.base import Told as Told
 from fracid.optimise.base import as_generator as as_generator
 from fracid.optimise.base import minimise as minimise
 from fracid.optimise.cma import cma as cma

@@ -175,6 +175,9 @@ class Entry:
         return not (self.needs_rows or self.polish)
 
 
+Told = Callable[[Evaluation, int], None]
+"""Called with the best so far, and with how many evaluations it took."""
+
 Ask = Callable[[FloatArray], list[Evaluation]]
 """The same seen from a function that calls: points of shape (k, n) → their k evaluations."""
 
@@ -267,7 +270,7 @@ def minimise(
     *,
     jobs: int = 1,
     log: Callable[[list[Evaluation]], None] | None = None,
-    callback: Callable[[Evaluation, int], None] | None = None,
+    callback: Told | None = None,
     stop: Callable[[], bool] | None = None,
     together: tuple[int, Callable[[Sequence[FloatArray]], list[Evaluation]]] | None = None,
 ) -> Result:

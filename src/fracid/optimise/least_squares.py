@@ -48,9 +48,7 @@ LEAST = -100
 """Of a unit for the rows, the power of two."""
 
 
-def least_squares(
-    space: Space, rng: np.random.Generator | None, *, tolerance: float = 1e-8, budget: int = 100
-) -> Optimiser:
+def least_squares(space: Space, _rng: object, *, tolerance: float = 1e-8, budget: int = 100) -> Optimiser:
     """Minimise Σ r² from the start of the space; what that says is held stays there.
 
     Parameters
@@ -76,7 +74,6 @@ def least_squares(
     array([3., 2.])
     """
     at_least("budget", budget, 1)
-    del rng  # nothing here is random
     from scipy.optimize import least_squares as scipy_least_squares
 
     if space.blocks is not None:
@@ -103,10 +100,12 @@ def least_squares(
             nonlocal x_good, good, unit, fails
             e = evaluate(x)[0]
             if e.residuals is None and not good.size:
-                raise _StartFails(e)
+                if e.cost < np.inf:
+                    raise InputError(NO_ROWS)
+                raise _Ended(Outcome.ALL_FAILED)
             if e.residuals is None:
                 if fails is None:  # where it begins again: SciPy moves a start off its bounds
-                    raise _Flat
+                    raise _Ended(Outcome.CONVERGED)
                 fails = True
                 return None
             fails = bool(fails)
@@ -121,7 +120,7 @@ def least_squares(
             moved = evaluate((x + np.diag(space.steps(x)))[moving])
             R = triangle(_rows(good, x, moved, moving, unit=unit))
             if not np.any(np.abs(R[0, 0] * R[0, 1:]) > SMALLEST):  # J'r: nothing moves the rows, or they are zero
-                raise _Flat  # SciPy would divide by zero
+                raise _Ended(Outcome.CONVERGED)  # SciPy would divide by zero
             return np.asarray(R[:, 1:] / large)
 
         if not len(moving):
@@ -137,12 +136,8 @@ def least_squares(
                 if not fails or left <= 0 or result.cost > (1 - GAINS) * cost:
                     break
                 y, cost, fails = result.x, result.cost, None
-        except _Flat:
-            return Outcome.CONVERGED
-        except _StartFails as failure:
-            if failure.evaluation.cost < np.inf:
-                raise InputError(NO_ROWS) from None
-            return Outcome.ALL_FAILED
+        except _Ended as end:
+            return Outcome(end.args[0])
         return Outcome.BUDGET_SPENT if result.status == 0 else Outcome.CONVERGED
 
     return as_generator(run)
@@ -167,16 +162,12 @@ def _rows(
         yield np.column_stack([r, J])
 
 
-class _Flat(Exception):
-    """No unknown changes the rows, or there is nothing left of them, or it cannot begin again where it ended."""
+class _Ended(Exception):
+    """With the outcome that it is given, for SciPy cannot go on.
 
-
-class _StartFails(Exception):
-    """There is nothing to start from."""
-
-    def __init__(self, evaluation: Evaluation) -> None:
-        super().__init__(evaluation.reason)
-        self.evaluation = evaluation
+    There is nothing to start from, no unknown changes the rows, there is nothing left of them, or it cannot begin again
+    where it ended.
+    """
 
 
 OPTIMISER = Entry(

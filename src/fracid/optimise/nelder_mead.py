@@ -18,9 +18,7 @@ from fracid.errors import at_least
 from fracid.optimise.base import Ask, Entry, Optimiser, Outcome, Space, as_generator
 
 
-def nelder_mead(
-    space: Space, rng: np.random.Generator | None, *, tolerance: float = 1e-6, budget: int = 1000
-) -> Optimiser:
+def nelder_mead(space: Space, _rng: object, *, tolerance: float = 1e-6, budget: int = 1000) -> Optimiser:
     """Move a simplex from the start of the space, whose first edges are a tenth of the bounds; what is held stays.
 
     Parameters
@@ -44,7 +42,6 @@ def nelder_mead(
     array([3., 4.])
     """
     at_least("budget", budget, 1)
-    del rng  # nothing here is random
     from scipy.optimize import minimize
 
     edges = np.diag(_edges(space))[space.moving]

@@ -44,7 +44,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, computed_field
 
-from fracid.arrays import FloatArray, by_name
+from fracid.arrays import ByName, FloatArray, by_name
 from fracid.cards import CardDisplay
 from fracid.errors import Failure, FailureReason, InputError, at_least
 from fracid.estimation.climbing import embedded
@@ -111,9 +111,9 @@ class Window(Record):
     """[s]"""
     whole: bool
     """Whether it is the recording as it was fitted."""
-    amplitude: Mapping[str, float]
+    amplitude: ByName
     """Order → mean amplitude of an output whose state has it [its unit]."""
-    orders: Mapping[str, float]
+    orders: ByName
     standard_errors: Mapping[str, Infinite]
     """Infinite where the window does not tell."""
     units: Mapping[str, str] = field(default_factory=dict)
@@ -304,9 +304,7 @@ def _whole_period(swing: FloatArray) -> int:
     return max(2, round(min(swing_period(swing), swing.size)))
 
 
-def _piece(
-    problem: Problem, x: FloatArray, e: Experiment, span: tuple[int, int], errors: Mapping[str, float]
-) -> Problem:
+def _piece(problem: Problem, x: FloatArray, e: Experiment, span: tuple[int, int], errors: ByName) -> Problem:
     """The window's own problem: orders, initial state and constants free, viscous friction as fitted."""
     (first, last), (orders, parameters) = span, _window_values(problem, x, e, errors)
     part, state = piece(e, e.name, first, last), problem.initial_state
@@ -323,7 +321,7 @@ def _piece(
 
 
 def _window_values(
-    problem: Problem, x: FloatArray, e: Experiment, errors: Mapping[str, float]
+    problem: Problem, x: FloatArray, e: Experiment, errors: ByName
 ) -> tuple[dict[str, Value], dict[str, Value]]:
     """Orders free; constants near their values, friction as near as the fit knows it, viscous friction at its value."""
     order_values, values, *_ = problem.unpack(x, e)
@@ -355,7 +353,7 @@ def _around(value: float, span: Free) -> Free:
 
 
 def _window(
-    problem: Problem, x: FloatArray, e: Experiment, span: tuple[int, int], fit_errors: Mapping[str, float], jobs: int
+    problem: Problem, x: FloatArray, e: Experiment, span: tuple[int, int], fit_errors: ByName, jobs: int
 ) -> Window | Failure:
     """The fit of one window, or that its run fails."""
     piece, times = _piece(problem, x, e, span, errors=fit_errors), e.start + e.step * np.array([span[0], span[1] - 1])

@@ -25,7 +25,7 @@ from typing import Any, Literal
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
-from fracid.estimation.covariance import Uncertainty
+from fracid.estimation.covariance import Known
 from fracid.findings import Note, Words
 from fracid.models.friction import SPRINGPOT
 from fracid.problem import Problem
@@ -147,7 +147,7 @@ def of_model(problem: Problem, order: str) -> dict[str, Any]:
     return {"integers": integers_of(problem, order), "rungs": frozenset(rungs), "swings": swings}
 
 
-def orders_found(problem: Problem, x: FloatArray, precision: Uncertainty | Failure) -> tuple[OrderFound, ...]:
+def orders_found(problem: Problem, x: FloatArray, precision: Known) -> tuple[OrderFound, ...]:
     """The free orders at a minimum, those of springpots among them, with their intervals."""
     found = []
     for i in claimable(problem):

@@ -49,6 +49,9 @@ MOVED = 0.1
 FINEST = 64
 """Steps a sample, at most."""
 
+Signals = list[FloatArray]
+"""Of each recording, shape (n_samples, n_outputs)."""
+
 Filters = list[list[FloatArray]]
 """Of each recording and output."""
 
@@ -100,14 +103,12 @@ def criterion(problem: Problem, x: FloatArray, parameters: int) -> float | None:
     return sum(ε.size * math.log(np.mean(ε**2)) for ε in outputs) + parameters * math.log(samples)
 
 
-def _innovations(signals: list[FloatArray], filters: Filters) -> list[list[FloatArray]]:
+def _innovations(signals: Signals, filters: Filters) -> list[list[FloatArray]]:
     """ε of each recording and output, or its derivatives."""
     return [[whitened(s[:, o], φ) for o, φ in enumerate(own)] for s, own in zip(signals, filters, strict=True)]
 
 
-def _stepped(
-    problem: Problem, x: FloatArray, errors: list[FloatArray], filters: Filters
-) -> tuple[Problem, list[FloatArray]]:
+def _stepped(problem: Problem, x: FloatArray, errors: Signals, filters: Filters) -> tuple[Problem, Signals]:
     """The problem in steps that ε does not see, and its errors."""
     while problem.substeps < FINEST:
         finer = replace(problem, substeps=2 * problem.substeps, memo=None)
@@ -118,20 +119,20 @@ def _stepped(
     return problem, errors
 
 
-def _moved(errors: list[FloatArray], found: list[FloatArray], filters: Filters) -> float:
+def _moved(errors: Signals, found: Signals, filters: Filters) -> float:
     """Σ (Δε/σ)² between the errors of two steps."""
     moved = _innovations([b - a for a, b in zip(errors, found, strict=True)], filters)
     pairs = zip(chain.from_iterable(moved), chain.from_iterable(_innovations(found, filters)), strict=True)
     return sum(float(d @ d) / float(np.mean(ε**2)) for d, ε in pairs)
 
 
-def _fitted(problem: Problem, x: FloatArray, errors: list[FloatArray], filters: Filters) -> FloatArray:
+def _fitted(problem: Problem, x: FloatArray, errors: Signals, filters: Filters) -> FloatArray:
     """The unknowns at the least squares of ε, each output's by its own level."""
     from scipy.optimize import least_squares
 
     levels = [np.std(ε) for own in _innovations(errors, filters) for ε in own]
 
-    def rows(signals: list[FloatArray]) -> FloatArray:
+    def rows(signals: Signals) -> FloatArray:
         left = (ε for own in _innovations(signals, filters) for ε in own)
         return np.concatenate([ε / level for ε, level in zip(left, levels, strict=True)])
 

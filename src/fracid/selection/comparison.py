@@ -38,7 +38,7 @@ from typing import Any
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import ByName, FloatArray
 from fracid.bayes.evidence import laplace_evidence, log_fit, require_evidence
 from fracid.errors import Failure, InputError
 from fracid.estimation.climbing import by_windows, embedded, late_rungs, starting_at, without
@@ -285,7 +285,7 @@ class _Place:
         """A process makes it once."""
         return _made(self)
 
-    def minimum(self, name: str, values: Mapping[str, float]) -> tuple[Problem, FloatArray]:
+    def minimum(self, name: str, values: ByName) -> tuple[Problem, FloatArray]:
         """A structure's problem, and its minimum."""
         problem = self.fold.ladder[name].problem
         return problem, np.array([values[n] for n in problem.names])
@@ -383,9 +383,11 @@ def _fit_structure(
     })  # fmt: skip
 
 
-def _fitted(
-    structure: Structure, below: Mapping[str, Mapping[str, float]], seed: int, starts: int, watch: Watch
-) -> tuple[Evaluation, str]:
+Below = Mapping[str, ByName]
+"""The minima of simpler structures, by their names."""
+
+
+def _fitted(structure: Structure, below: Below, seed: int, starts: int, watch: Watch) -> tuple[Evaluation, str]:
     """The lowest that the search comes to, from the structures below and from its own start, or by windows.
 
     All go a few steps, and the lowest on: rich friction creeps to its minimum.
@@ -415,9 +417,8 @@ def _lower(problem: Problem, x: FloatArray, how: str, watch: Watch, **options: A
 
 
 def _refitted(
-    structure: Structure, below: Mapping[str, Mapping[str, float]], values: Mapping[str, float], how: str, coarse: int,
-    seed: int, starts: int, watch: Watch,
-) -> tuple[Evaluation, str]:  # fmt: skip
+    structure: Structure, below: Below, values: ByName, how: str, coarse: int, seed: int, starts: int, watch: Watch
+) -> tuple[Evaluation, str]:
     """The minimum at a finer step that the one at `coarse` steps leads to, where no structure that it holds is lower.
 
     Else, where the finer step has shifted the phase, say, the structure is fitted as if it had not been.
@@ -451,7 +452,7 @@ def _descended(problem: Problem, x: FloatArray, watch: Watch, **options: Any) ->
 
 
 def _predicted(
-    structure: Structure, values: Mapping[str, float], e: Experiment, window: float | None, jobs: int
+    structure: Structure, values: ByName, e: Experiment, window: float | None, jobs: int
 ) -> tuple[Problem, Experiment, FloatArray | Failure]:
     """The simulation of a recording that was not fitted, its own unknowns found again."""
     alone = structure.on(values, e)
@@ -481,6 +482,13 @@ def _score(problem: Problem, e: Experiment, simulated: FloatArray | Failure) -> 
 
 
 # --- all of them -----------------------------------------------------------------------------------------
+
+
+Work = Callable[..., Any]
+"""What is done at a :class:`_Place`."""
+
+Tasks = Mapping[Any, Task]
+"""For what, how often."""
 
 
 @dataclass
@@ -583,26 +591,20 @@ class _Study:
             rows.append(replace(fit.row, bic=bic, held_out=held_out, curves={**fit.curves, **beyond}))
         return tuple(rows), samples
 
-    def _run_fits(
-        self, kind: type[FittedBlock | GivenBlock], work: Callable[..., Any], tasks: Mapping[Any, Task], note: str
-    ) -> dict[Any, Any]:
+    def _run_fits(self, kind: type[FittedBlock | GivenBlock], work: Work, tasks: Tasks, note: str) -> dict[Any, Any]:
         """What each task finds, as a block of that kind."""
         found = {name: record_of(kind, result) for name, result in self._run(work, tasks, note).items()}
         self.done += len(tasks)
         self.work += sum(block.work for block in found.values())
         return found
 
-    def _follow(
-        self, what: str, note: str, work: Callable[..., Any], rows: Iterable[Row], *more: Any
-    ) -> dict[str, Any]:
+    def _follow(self, what: str, note: str, work: Work, rows: Iterable[Row], *more: Any) -> dict[str, Any]:
         """What follows from the fits of some structures to all recordings; those stay what is counted."""
         tasks = {row.name: Task(f"{what} | {row.name}", (self.place(), row.name, dict(row.values), *more))
                  for row in rows}  # fmt: skip
         return self._run(work, tasks, note, beside=True)
 
-    def _run(
-        self, work: Callable[..., Any], tasks: Mapping[Any, Task], note: str, *, beside: bool = False
-    ) -> dict[Any, Any]:
+    def _run(self, work: Work, tasks: Tasks, note: str, *, beside: bool = False) -> dict[Any, Any]:
         part, before, tell = Part("fits", self.done, self.total, beside), self.earlier, self.execution.progress
 
         def over_all(p: Progress) -> None:
@@ -648,18 +650,18 @@ def _half_widths(row: Row) -> dict[str, float]:
     return {n: half_of(o.interval95) for n, o in row.orders.items() if o.interval95 is not None}
 
 
-def _choose_step(place: _Place, name: str, values: Mapping[str, float], jobs: int) -> dict[str, Any]:
+def _choose_step(place: _Place, name: str, values: ByName, jobs: int) -> dict[str, Any]:
     problem, x = place.minimum(name, values)
     if problem.cost_function.loss is None or not problem.names:
         return {"substeps": problem.substeps}
     return {"substeps": quiet_substeps(problem, x, jobs=jobs)}
 
 
-def _test_amplitude(place: _Place, name: str, values: Mapping[str, float], jobs: int) -> dict[str, Any]:
+def _test_amplitude(place: _Place, name: str, values: ByName, jobs: int) -> dict[str, Any]:
     return amplitude_test(*place.minimum(name, values), others=place.fold.held_out, jobs=jobs).to_json()
 
 
-def _log_evidence(place: _Place, name: str, values: Mapping[str, float], jobs: int) -> dict[str, Any]:
+def _log_evidence(place: _Place, name: str, values: ByName, jobs: int) -> dict[str, Any]:
     """A structure's evidence and least cost, or the reason why there is none."""
     try:
         found = laplace_evidence(*place.minimum(name, values), jobs=jobs)

@@ -192,8 +192,7 @@ class Comparison(CardDisplay, Record):
     @property
     def names_of_best(self) -> dict[str, str]:
         """The name of the best row of either kind."""
-        kinds = {"integer": False, "fractional": True}
-        return {kind: self.best(fractional=fractional).name for kind, fractional in kinds.items()}
+        return {"integer": self.best(fractional=False).name, "fractional": self.best(fractional=True).name}
 
     def incoherence(self) -> str:
         """Structures that are scored on other recordings or outputs are no comparison."""

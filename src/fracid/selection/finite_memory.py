@@ -33,7 +33,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import nnls
 
-from fracid.arrays import FloatArray, by_name
+from fracid.arrays import ByName, FloatArray, by_name
 from fracid.errors import Failure
 from fracid.estimation.climbing import embedded
 from fracid.estimation.derivatives import jacobian
@@ -86,6 +86,9 @@ FAR = 2.0
 
 AT_END = 1e-2
 """Next to a limit: ln τ."""
+
+Groups = Mapping[str, Sequence[int]]
+"""Name of an order → the states whose derivatives are of it."""
 
 
 def finite_memories(
@@ -153,12 +156,11 @@ def finite_memories(
 
 
 def _lowest(
-    rival: Problem, starts: Sequence[Mapping[str, float]], also: Sequence[Mapping[str, float]], watch: Watch,
-    last: Mapping[str, Any],
-) -> Evaluation:  # fmt: skip
+    rival: Problem, starts: Sequence[ByName], also: Sequence[ByName], watch: Watch, last: Mapping[str, Any]
+) -> Evaluation:
     """From the starts, and from others where those end above: so no fit of more ends above one of fewer."""
 
-    def rough(start: Mapping[str, float]) -> Evaluation:
+    def rough(start: ByName) -> Evaluation:
         return lowest_from(rival, embedded(rival, start), watch, **ROUGH)
 
     end = min(map(rough, starts), key=lambda e: e.cost)
@@ -195,7 +197,7 @@ def _parameters(problem: Problem, x: FloatArray, scales: set[str], jobs: int) ->
 # --- the model ------------------------------------------------------------------------------------------
 
 
-def with_relaxations(model: Model, groups: Mapping[str, Sequence[int]], count: int) -> Model:
+def with_relaxations(model: Model, groups: Groups, count: int) -> Model:
     """A model with relaxations in the place of orders.
 
     Parameters
@@ -232,7 +234,7 @@ def with_relaxations(model: Model, groups: Mapping[str, Sequence[int]], count: i
     )  # fmt: skip
 
 
-def _relaxing(problem: Problem, best: Evaluation, groups: Mapping[str, Sequence[int]], count: int) -> Problem:
+def _relaxing(problem: Problem, best: Evaluation, groups: Groups, count: int) -> Problem:
     """The problem of that model; what has been before a record is unknown, where a past was recorded."""
     model = with_relaxations(problem.model, groups, count)
     step, end = _band(problem)
@@ -276,9 +278,7 @@ def _band(problem: Problem) -> tuple[float, float]:
     return min(e.step for e in problem.experiments), max(float(e.time[-1]) for e in problem.experiments)
 
 
-def _begun(
-    problem: Problem, best: Evaluation, groups: Mapping[str, Sequence[int]], count: int, place: float
-) -> dict[str, float]:
+def _begun(problem: Problem, best: Evaluation, groups: Groups, count: int, place: float) -> dict[str, float]:
     """Relaxations that come near the orders' kernels, with time constants spread over the record's band."""
     orders, (step, end) = problem.unpack(best.point, problem.experiments[0])[0], _band(problem)
     tau = step * (end / step) ** (place * np.arange(1, count + 1) / count)
@@ -295,7 +295,7 @@ def _begun(
     return begun
 
 
-def _faint(groups: Mapping[str, Sequence[int]], rival: Problem, count: int) -> dict[str, float]:
+def _faint(groups: Groups, rival: Problem, count: int) -> dict[str, float]:
     """One relaxation more, that does next to nothing yet: so no fit of more ends above one of fewer."""
     last = {f"share{count}_{name}" for name in groups}
     return {u.target: FAINT * u.range.start for u in rival.unknowns if u.target in last}

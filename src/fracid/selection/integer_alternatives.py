@@ -42,6 +42,7 @@ from typing import Any
 
 import numpy as np
 
+from fracid.arrays import ByName
 from fracid.estimation.climbing import embedded, entries
 from fracid.estimation.horizons import Watch, lowest_from, uninterrupted
 from fracid.estimation.search import search
@@ -188,7 +189,7 @@ ELEMENTS: tuple[Change, ...] = tuple(partial(_KINDS[row.pop("kind")], **row) for
 
 
 def integer_alternatives(
-    problem: Problem, best: Evaluation, widths: Mapping[str, float], *, slow: bool = True,
+    problem: Problem, best: Evaluation, widths: ByName, *, slow: bool = True,
     own: Mapping[str, Problem] | None = None, starts: int = 1, seed: int = 1, watch: Watch | None = None,
 ) -> Alternative | None:  # fmt: skip
     """Fit what of integer order could explain the recordings as well as the orders of a fit do, until one does.

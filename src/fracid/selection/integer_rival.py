@@ -30,7 +30,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from fracid.arrays import FloatArray, joined, run_lengths
+from fracid.arrays import ByName, FloatArray, joined, run_lengths
 from fracid.errors import Failure
 from fracid.estimation.climbing import embedded, without
 from fracid.estimation.horizons import Watch, growing, uninterrupted
@@ -124,7 +124,7 @@ class Alternative(Record):
     """A sentence, where the fractional model does not win."""
     trials: Listed[Trial] = ()
     """All that was tried."""
-    values: Beside[Mapping[str, float]] = field(default_factory=dict, compare=False)
+    values: Beside[ByName] = field(default_factory=dict, compare=False)
     """Its unknowns, and the orders at their integers: from where a fit that costs more goes on."""
     settles: bool = True
     """Whether it is as good, at no limit of its own, and leaves nothing but noise."""
@@ -137,9 +137,7 @@ class Alternative(Record):
     """Where the fractional model does not win, what explains the recordings, and what follows: of :attr:`warning`."""
 
 
-def beside_fit(
-    nearest: Alternative, orders: Mapping[str, float], problem: Problem, here: float, there: float
-) -> Alternative:
+def beside_fit(nearest: Alternative, orders: ByName, problem: Problem, here: float, there: float) -> Alternative:
     """Its costs and its sentence beside the orders of a fit that costs `there`, and on what it was compared `here`.
 
     Examples
@@ -176,7 +174,7 @@ class Rival:
     evaluation: Evaluation
     integers: str
     """``every order 1``."""
-    off: Mapping[str, float]
+    off: ByName
     """The orders that were found off their integer values."""
     own: tuple[str, ...] = ()
     """What it frees beside what the fractional problem does."""
@@ -223,9 +221,7 @@ class Rival:
         return {n: v for n, v in shared_values(self.problem, self.evaluation.point).items() if n in self.own}
 
 
-def integer_rival(
-    problem: Problem, best: Evaluation, widths: Mapping[str, float], *, watch: Watch | None = None
-) -> Rival | None:
+def integer_rival(problem: Problem, best: Evaluation, widths: ByName, *, watch: Watch | None = None) -> Rival | None:
     """Fit the problem with integer orders and its friction free.
 
     Parameters

@@ -284,9 +284,11 @@ def _solved_well(problem: Problem) -> tuple[Problem, list[str]]:
     return replace(problem, method="pi2"), [SAYS("first-order", method=problem.method)]
 
 
-def _rungs(
-    problem: Problem, keep: Collection[str], on: Collection[str]
-) -> tuple[dict[str, tuple[str, ...]], list[str]]:
+Rungs = dict[str, tuple[str, ...]]
+"""The parameters of each rung."""
+
+
+def _rungs(problem: Problem, keep: Collection[str], on: Collection[str]) -> tuple[Rungs, list[str]]:
     """Rung → the parameters that it adds; and in words what the model does not have."""
     kinds = problem.model.friction
     names = [rung for rung in dict.fromkeys((*RUNGS, *(kind.rung for kind in kinds.values()))) if rung in on]
@@ -302,7 +304,7 @@ def _beginnings(rung: str) -> list[str]:
     return [f"{beginning}…" for beginning, kind in BY_NAME.items() if kind.rung == rung]
 
 
-def _structures(problem: Problem, rungs: Mapping[str, tuple[str, ...]], blind: set[str]) -> Iterable[Structure]:
+def _structures(problem: Problem, rungs: Rungs, blind: set[str]) -> Iterable[Structure]:
     names = tuple(rungs)
     for k in range(len(names)):
         whole = _free(problem, rungs, names[: k + 1])
@@ -385,7 +387,7 @@ def _integers(problem: Problem) -> dict[str, Value]:
     return {n: problem.model.solved_at(n, v) for n, v in problem.orders.items()}
 
 
-def _free(problem: Problem, rungs: Mapping[str, tuple[str, ...]], on: Sequence[str]) -> Problem:
+def _free(problem: Problem, rungs: Rungs, on: Sequence[str]) -> Problem:
     """The problem with the friction of some rungs free, of the others 0, and with its orders free."""
     kinds, free = problem.model.friction, [n for rung in on for n in rungs[rung]]
     off: dict[str, Value] = {n: kinds[n].off for names in rungs.values() for n in names if n not in free}

@@ -25,9 +25,8 @@ from numba import types
 from numba.core.datamodel import models
 from numba.extending import intrinsic, register_jitable, register_model
 from numba.np.arrayobj import make_array
-from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, IntArray
 from fracid.solver.compilation import INDICES, MATRIX, PART, when_called
 from fracid.solver.weights import Kernel
 
@@ -58,9 +57,9 @@ class Kernels(NamedTuple):
     """L of the columns, the most that a row has."""
     modes: int
     """M of the columns."""
-    of: NDArray[np.int64]
+    of: IntArray
     """The row of each state, (n_states,)."""
-    sizes: NDArray[np.int64]
+    sizes: IntArray
     """L and M of each row, multiples of 8, (rows, 2)."""
     own: FloatArray
     """w_0, the weight of the newest sample, and 8 where the weights have a linear part, (rows, 2)."""

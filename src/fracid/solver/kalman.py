@@ -23,9 +23,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import types
-from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, IntArray
 from fracid.solver.compilation import INDICES, MATRIX, RHS, VECTOR, helper, when_called
 from fracid.solver.schemes import gauss_jordan
 
@@ -48,7 +47,7 @@ class Filter(NamedTuple):
     """What f at its beginning adds."""
     b: FloatArray
     """What f at its end adds."""
-    begin: NDArray[np.int64]
+    begin: IntArray
     """Of each state its first mode, and the number of modes behind the last, shape (n_states + 1,)."""
     rates: FloatArray
     """p_1, Δ, the number of rates."""
@@ -59,7 +58,7 @@ class Filter(NamedTuple):
     slow: FloatArray
     """Of each slow state whether it is an order, else which constant; its bounds; the variance of its walk in a step,
     shape (n_slow, 5)."""
-    of: NDArray[np.int64]
+    of: IntArray
     """Of each state which slow state its order is, -1 for none, shape (n_states,)."""
     drive: FloatArray
     """Spectral density of the unknown part of f of each state, shape (n_states,)."""

@@ -73,7 +73,7 @@ from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 from scipy.special import binom, gamma, rgamma, zeta
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, IntArray
 from fracid.solver.compilation import INDICES, MATRIX, VECTOR, evaluate, when_called
 from fracid.solver.loop_arguments import Run
 from fracid.solver.weights import (
@@ -113,7 +113,7 @@ class Start(NamedTuple):
     """x⁰ of the formulas, (n_states,)."""
     together: int
     """s, how many steps were solved together; 0 where nothing is to be corrected."""
-    knots: NDArray[np.int64]
+    knots: IntArray
     """Steps between which the corrections are parabolas, an odd number of them."""
     parabolas: FloatArray
     """:math:`\\sum_m c_m E_{σ_m}` between the knots (:func:`_parabolas`), (n_pieces, n_states, 3)."""
@@ -132,7 +132,7 @@ class Corrections(NamedTuple):
     """F with c = F (f_0, f_1 − f_0, …, f_s − f_0), (n_corrections, s + 1)."""
     together: FloatArray
     """M with x_n = x_0 + h^q Σ_{k ≤ s} M_{nk} f_k for n ≤ s, (n_orders, s + 1, s + 1)."""
-    knots: NDArray[np.int64]
+    knots: IntArray
     """The n at which the corrections are known, an odd number of them."""
     errors: FloatArray
     """E with C(n) = Σ_e c_e E_e(n), (n_orders, n_corrections, n_knots)."""
@@ -174,7 +174,7 @@ def _steps_together(family: str, sigma: tuple[float, ...]) -> int:
     return max(len(sigma), {PI3: 2, BDF: 1}.get(family, 0))
 
 
-def _errors(family: str, orders: FloatArray, sigma: FloatArray, knots: NDArray[np.int64]) -> FloatArray:
+def _errors(family: str, orders: FloatArray, sigma: FloatArray, knots: IntArray) -> FloatArray:
     """What a rule makes wrong at the knots: of each power, and of what else it corrects."""
     if family == BDF:
         return np.array([bdf_errors_of_powers(q, np.append(0.0, sigma), knots) for q in orders])
@@ -228,7 +228,7 @@ def exponents(orders: tuple[float, ...], powers_of_time: tuple[float, ...], thir
 
 
 @lru_cache(maxsize=64)
-def knots_up_to(steps: int) -> NDArray[np.int64]:
+def knots_up_to(steps: int) -> IntArray:
     """Give the n at which the corrections are known: all up to 64, then 3 % apart, an odd number, beyond `steps`."""
     knots = list(range(65))
     while knots[-1] < steps or len(knots) % 2 == 0:
@@ -236,9 +236,7 @@ def knots_up_to(steps: int) -> NDArray[np.int64]:
     return np.array(knots)
 
 
-def errors_of_powers(
-    q: float | FloatArray, sigma: FloatArray, knots: NDArray[np.int64], third: bool = False
-) -> FloatArray:
+def errors_of_powers(q: float | FloatArray, sigma: FloatArray, knots: IntArray, third: bool = False) -> FloatArray:
     """E_σ(n) for each order q and exponent σ, at the :func:`knots_up_to` an end, (n_orders, n_exponents, n_knots)."""
     summed = 2 * SUMMED if third else SUMMED
     weights = [(third_weights if third else trapezoidal_weights)(order, summed)[0] for order in np.atleast_1d(q)]
@@ -266,7 +264,7 @@ BDF_TERMS = 10
 """Of the expansion of ``bdf2``'s errors, which is taken from n = 65 on."""
 
 
-def bdf_errors_of_powers(q: float, sigma: FloatArray, knots: NDArray[np.int64]) -> FloatArray:
+def bdf_errors_of_powers(q: float, sigma: FloatArray, knots: IntArray) -> FloatArray:
     """E_σ(n) of ``bdf2``, shape (n_exponents, n_knots); at σ = 0 the start has its weights, half of the last."""
     E, (w, start) = np.zeros((len(sigma), len(knots))), bdf_weights(q, min(64, knots[-1]))
     i, d, near, n = np.arange(BDF_TERMS), bdf_series(q)[:BDF_TERMS], knots[1:] <= 64, knots[1:].astype(float)
@@ -282,7 +280,7 @@ def bdf_errors_of_powers(q: float, sigma: FloatArray, knots: NDArray[np.int64]) 
     return E
 
 
-def _ends(q: float, knots: NDArray[np.int64]) -> FloatArray:
+def _ends(q: float, knots: IntArray) -> FloatArray:
     """a_n/12 and −b_n/12 at the knots: what δ²f_0 weighs in ``pi3``, as f_2 − 2f_1 + f_0 and as f_1 − f_0."""
     b, a = trapezoidal_weights(q, 8)
     n, k = np.maximum(knots, 8).astype(float), np.arange(2, 18)
@@ -375,7 +373,7 @@ def _uncorrected(run: Run) -> Start:
     return Start(run.past, run.past[0].copy(), 0, knots, parabolas)
 
 
-def _held(run: Run, n: FloatArray | NDArray[np.int64]) -> FloatArray:
+def _held(run: Run, n: FloatArray | IntArray) -> FloatArray:
     """What finite memories that hold something at the start add at the steps n, over the gain: (n_states, n_steps)."""
     C = np.zeros((len(run.orders), len(n)))
     for i, (a, s, z) in ((int(row[0]), row[2:].reshape(-1, 3).T) for row in run.fading):
@@ -398,7 +396,7 @@ def _with_fading(run: Run, tables: Corrections) -> Corrections:
     return tables._replace(together=M, errors=errors)
 
 
-def _parabolas(knots: NDArray[np.int64], C: FloatArray) -> FloatArray:
+def _parabolas(knots: IntArray, C: FloatArray) -> FloatArray:
     """Divided differences of C over knots 0, 1, 2, then 2, 3, 4, …: shape (…, n_pieces, n_states, 3)."""
     slope = np.diff(C) / np.diff(knots)
     first = slope[..., ::2]

@@ -96,7 +96,7 @@ LOW_ORDER, SETTLED = 0.1, 100.0
 """Below this order an explicit scheme tells after how many samples it comes within 1/100."""
 
 
-def linearised(rhs: Callable[..., None], t: float, x: FloatArray, u: FloatArray, p: FloatArray) -> NDArray[np.float64]:
+def linearised(rhs: Callable[..., None], t: float, x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
     """J = ∂f/∂x by forward differences, shape (n_states, n_states); not finite where f is not.
 
     Examples
@@ -114,8 +114,7 @@ def linearised(rhs: Callable[..., None], t: float, x: FloatArray, u: FloatArray,
             state[c] = value + d
             rhs(t, state, u, p, J[c])
             state[c] = value
-            J[c] -= at
-            J[c] /= d
+            J[c] = (J[c] - at) / d
     except (ArithmeticError, ValueError):  # a division by zero, or a root of what is negative, in plain Python
         J[:] = np.nan
     return J.T
@@ -171,9 +170,7 @@ class TooLong:
     """Into how many the step must be divided; infinite where no number is enough."""
 
 
-def too_long(
-    method: str, orders: FloatArray, linear: list[NDArray[np.float64]], gain: FloatArray, steps: int
-) -> TooLong | None:
+def too_long(method: str, orders: FloatArray, linear: list[FloatArray], gain: FloatArray, steps: int) -> TooLong | None:
     """Tell whether a scheme makes something grow, near one of some states, that does not grow in the equations.
 
     Parameters
@@ -411,7 +408,7 @@ def _swept_away(run: Trajectory, largest: float) -> Finding:
     return SAYS.finding("overshoots", "", largest, limit, end=run.time[-1], run=run, shorter=shorter)
 
 
-def _low_order(run: Trajectory, linear: list[NDArray[np.float64]], gain: FloatArray) -> Finding | None:
+def _low_order(run: Trajectory, linear: list[FloatArray], gain: FloatArray) -> Finding | None:
     """What an explicit scheme loses where it is a fixed-point iteration."""
     low = run.orders < LOW_ORDER
     spectra = [modes(J[np.ix_(low, low)], gain[low]) for J in linear]

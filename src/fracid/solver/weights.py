@@ -29,10 +29,9 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
-from numpy.typing import NDArray
 from scipy.special import zeta
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, IntArray
 from fracid.solver.operators import gl_weights
 
 
@@ -67,7 +66,7 @@ class Kernel:
         """Number of exponentials that a step works on, a constant and a ramp included."""
         return len(self.decay) + (self.ramp != 0.0)
 
-    def at(self, lags: NDArray[np.int64] | list[int]) -> FloatArray:
+    def at(self, lags: IntArray | list[int]) -> FloatArray:
         """Give the weights that the kernel really uses at some lags, to hold against the exact ones.
 
         Examples

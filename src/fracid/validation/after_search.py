@@ -24,7 +24,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray, joined
 from fracid.errors import Failure, FailureReason
-from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty, half_width
+from fracid.estimation.covariance import LEAST_SHIFT, Known, Uncertainty, half_width
 from fracid.estimation.curvature import LOOSER, Curvature, curvature, newton_step, start_shift
 from fracid.estimation.derivatives import by_blocks
 from fracid.estimation.horizons import Watch, lowest_from
@@ -87,7 +87,7 @@ NEXT_TO_NOTHING = 1e-4
 
 
 def after(
-    problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, *, jobs: int = 1, near: Tangent | None = None
+    problem: Problem, x: FloatArray, uncertainty: Known, *, jobs: int = 1, near: Tangent | None = None
 ) -> tuple[Finding, ...]:
     """Look at a minimum.
 
@@ -129,7 +129,7 @@ def after(
     return (*findings, *(f for e, _ in problem.recordings.values() for f in _cannot_explain(problem, x, e)))
 
 
-def failed(problem: Problem, x: FloatArray) -> tuple[Finding, ...]:
+def failed(problem: Problem, x: FloatArray) -> Iterator[Finding]:
     """Say why the run of a recording does not reach its end at x: a blow-up with its time, or a step too long.
 
     Parameters
@@ -137,12 +137,11 @@ def failed(problem: Problem, x: FloatArray) -> tuple[Finding, ...]:
     problem : Problem
     x : array, shape (n_unknowns,)
 
-    Returns
-    -------
-    tuple of Finding
+    Yields
+    ------
+    Finding
         Of the recordings whose run fails.
     """
-    findings = []
     for e in problem.experiments:
         run = problem.simulate(x, e)
         if not run.completed:
@@ -150,14 +149,14 @@ def failed(problem: Problem, x: FloatArray) -> tuple[Finding, ...]:
             gain = step_gain(run.step, orders, time_scale(problem.model, values))
             u = e.inputs if problem.substeps == 1 else e.inputs[:1]
             fault = fault_of(run, compile_rhs(problem.model.rhs), gain, u, parameters=values)
-            findings += [] if fault is None else [replace(fault, where=e.name)]
-    return tuple(findings)
+            if fault is not None:
+                yield replace(fault, where=e.name)
 
 
 # --- the minimum -----------------------------------------------------------------------------------------
 
 
-def _loose_memory(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, jobs: int) -> Iterator[Finding]:
+def _loose_memory(problem: Problem, x: FloatArray, uncertainty: Known, jobs: int) -> Iterator[Finding]:
     """Simulate with a better memory, and project the difference on the unknowns."""
     tolerance = problem.memory.tolerance
     if (tolerance is not None and tolerance <= CERTIFIED) or not problem.names:
@@ -209,9 +208,7 @@ def _parabola(problem: Problem, x: FloatArray, uncertainty: Uncertainty, jobs: i
     return curvature(problem, x, free, jobs=jobs) if len(free) else nothing
 
 
-def noisy_start(
-    problem: Problem, x: FloatArray, known: Uncertainty | Failure, *, included: bool = True
-) -> tuple[Finding, ...]:
+def noisy_start(problem: Problem, x: FloatArray, known: Known, *, included: bool = True) -> tuple[Finding, ...]:
     """Say so where the noise of the samples that the start is taken from moves an unknown by more than its interval.
 
     Parameters
@@ -262,9 +259,7 @@ def noisy_start(
                          looser=LOOSER[problem.initial_state]),)  # fmt: skip
 
 
-def with_start(
-    problem: Problem, x: FloatArray, known: Uncertainty | Failure, *, jobs: int = 1
-) -> Uncertainty | Failure:
+def with_start(problem: Problem, x: FloatArray, known: Known, *, jobs: int = 1) -> Known:
     """The intervals with what the noise of the samples that the start is taken from adds to them.
 
     Parameters
@@ -287,8 +282,8 @@ def with_start(
 
 
 def between_samples(
-    problem: Problem, x: FloatArray, known: Uncertainty | Failure, *, jobs: int = 1
-) -> tuple[Uncertainty | Failure, tuple[Finding, ...], tuple[Note, ...]]:
+    problem: Problem, x: FloatArray, known: Known, *, jobs: int = 1
+) -> tuple[Known, tuple[Finding, ...], tuple[Note, ...]]:
     """The intervals with what inputs that jump may do between their samples, and findings and notes of that.
 
     Parameters

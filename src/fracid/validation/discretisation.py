@@ -21,7 +21,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
-from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty, half_width, uncertainty
+from fracid.estimation.covariance import LEAST_SHIFT, Known, half_width, uncertainty
 from fracid.estimation.horizons import Watch, growing, lowest_from, uninterrupted
 from fracid.estimation.linearised import Linearised
 from fracid.estimation.long_records import corrected, is_coarse, on_all_samples, own_substeps
@@ -76,7 +76,7 @@ class Discretisation(Record):
         cost, half, second = on_all_samples(problem, found, here, there).tolist()
         return replace(self, cost=cost, cost_half_step=half, cost_second_order=second)
 
-    def judged(self, problem: Problem, x: FloatArray, known: Uncertainty | Failure, substeps: int) -> Discretisation:
+    def judged(self, problem: Problem, x: FloatArray, known: Known, substeps: int) -> Discretisation:
         """With the warning that its moves are worth beside these intervals of x."""
         if not self.moves:
             return self
@@ -96,7 +96,7 @@ class Discretisation(Record):
             says.append(SAYS("type", remedy=remedy))
         return replace(self, warning=" ".join(says))
 
-    def widened(self, problem: Problem, x: FloatArray, known: Uncertainty | Failure) -> Uncertainty | Failure:
+    def widened(self, problem: Problem, x: FloatArray, known: Known) -> Known:
         """Intervals that allow for what the step moves, where that is more than :data:`QUIET` of their half-width."""
         if isinstance(known, Failure):
             return known
@@ -130,9 +130,8 @@ BUMPS = 0.5
 
 
 def discretisation_check(
-    problem: Problem, x: FloatArray, known: Uncertainty | Failure, jobs: int, *, substeps: int = 1,
-    near: Tangent | None = None,
-) -> Discretisation:  # fmt: skip
+    problem: Problem, x: FloatArray, known: Known, jobs: int, *, substeps: int = 1, near: Tangent | None = None
+) -> Discretisation:
     """Score at half the step and with the second-order method, and refine the orders there.
 
     Of coarser recordings `substeps` are the steps of a sample of their source that corrected them; of others they are
@@ -170,9 +169,7 @@ def _minimum_beside(problem: Problem, x: FloatArray, other: Problem, jobs: int, 
     return problem.space.clipped(x + (ended - begun))
 
 
-def _corrected_check(
-    problem: Problem, x: FloatArray, known: Uncertainty | Failure, jobs: int, substeps: int
-) -> Discretisation:
+def _corrected_check(problem: Problem, x: FloatArray, known: Known, jobs: int, substeps: int) -> Discretisation:
     """The same of a problem whose coarse steps the fit's own have corrected: those are halved."""
     finer = corrected(replace(problem, method="pi2"), x, own_substeps(problem, 2 * substeps), jobs, rounds=1)
     here = problem.cost(x)
@@ -183,8 +180,8 @@ def _corrected_check(
 
 
 def _judged(
-    problem: Problem, x: FloatArray, known: Uncertainty | Failure, costs: tuple[float, float, float],
-    finer: FloatArray, *, substeps: int,
+    problem: Problem, x: FloatArray, known: Known, costs: tuple[float, float, float], finer: FloatArray, *,
+    substeps: int,
 ) -> Discretisation:  # fmt: skip
     """How far the orders move from x to the minimum at half the step, and what that means."""
     at = problem.free_orders
@@ -249,7 +246,7 @@ def halved(coarse: Refined, jobs: int) -> Refined | None:
     return Refined(Minimum(other, minimum, substeps, known, near), check)
 
 
-def is_rough(near: Tangent, known: Uncertainty | Failure) -> bool:
+def is_rough(near: Tangent, known: Known) -> bool:
     """Whether what the step does wrong may raise the cost by half of what ends an interval: then it has bumps there.
 
     Half the step changes the rows r by c, and V by 2r·c, up or down as the samples that cross a steep friction fall.

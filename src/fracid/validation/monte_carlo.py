@@ -52,7 +52,7 @@ from pydantic import Field
 from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay, listed, tabulated
 from fracid.errors import Failure, InputError, at_least
-from fracid.estimation.covariance import Uncertainty, half_width, uncertainty
+from fracid.estimation.covariance import Known, half_width, uncertainty
 from fracid.estimation.search import search
 from fracid.figures import Figure, Style, draw
 from fracid.findings import Finding, Note, Words, with_code
@@ -491,7 +491,7 @@ def _read(
     return size * encoder(e.measured / size, level, resolution, rng)
 
 
-def _called_fractional(problem: Problem, best: Evaluation, precision: Uncertainty | Failure) -> bool | None:
+def _called_fractional(problem: Problem, best: Evaluation, precision: Known) -> bool | None:
     """Whether a report would: an order off its integer value by more than its interval, and the rival beaten.
 
     None where no free order has an integer value.

@@ -41,14 +41,14 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fracid.arrays import FloatArray, joined, run_lengths
 from fracid.errors import Failure
-from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
+from fracid.estimation.covariance import LEAST_SHIFT, Known
 from fracid.estimation.derivatives import row_weights
 from fracid.estimation.tangent import Tangent, tangent
 from fracid.findings import Finding, Words
@@ -114,13 +114,13 @@ class Misreading:
     """The most that it changes of its signal, in half steps of the encoder; infinite where no steps are seen."""
 
 
-def misread(problem: Problem, every: Sequence[Misreading]) -> Iterator[Finding]:
+def misread(problem: Problem, every: Iterable[Misreading]) -> Iterator[Finding]:
     """Say the fault that explains most of what is left over at a minimum, if it matters.
 
     Parameters
     ----------
     problem : Problem
-    every : sequence of Misreading
+    every : iterable of Misreading
         What :func:`misreadings` gave there.
 
     Examples
@@ -157,8 +157,8 @@ def _moves(m: Misreading) -> bool:
 
 
 def misreadings(
-    problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, *, jobs: int = 1, near: Tangent | None = None
-) -> list[Misreading]:
+    problem: Problem, x: FloatArray, uncertainty: Known, *, jobs: int = 1, near: Tangent | None = None
+) -> Iterator[Misreading]:
     """Each fault of each signal, with its size by one Gauss-Newton step; empty where there are no intervals.
 
     By derivatives that hold over the width of the intervals: beside a steep friction others are a matter of rounding.
@@ -176,28 +176,27 @@ def misreadings(
         Errors and derivatives there; found if left out.
     """
     if isinstance(uncertainty, Failure) or not np.any(np.isfinite(uncertainty.standard_error)):
-        return []
+        return
     length = int(NUMBERS / (len(x) * len(problem.outputs) * len(problem.experiments)))
     if length < min(FEWEST, max(len(e.measured) for e in problem.experiments)):
-        return []
+        return
     if length < max(len(e.measured) for e in problem.experiments):
         problem, near = replace(problem.until(length * max(e.step for e in problem.experiments)), memo=None), None
     free = np.flatnonzero(np.isfinite(uncertainty.standard_error))
     forms, here = _forms(problem, x), near or tangent(problem, x, jobs=jobs)
     if isinstance(here, Failure) or forms is None or math.sqrt(np.mean(joined(here.errors) ** 2)) < NOTHING:
-        return []
+        return
     roots = zip(row_weights(problem, here.errors), problem.experiments, strict=True)
     weight = joined(root / np.sqrt(run_lengths(e.measured)) for root, e in roots)
     e, J = weight * joined(here.errors), [j[..., free].reshape(-1, len(free)) for j in here.derivatives]
     Q, R = np.linalg.qr(weight[:, None] * np.concatenate(J))
     if not np.all(np.abs(np.diag(R)) > 1e-9 * np.abs(R).max()):
-        return []  # unknowns that cannot be told apart: nothing of more can be told
+        return  # unknowns that cannot be told apart: nothing of more can be told
     half = NORMAL_95 * uncertainty.standard_error[free]
     lattice = {o: max(resolution(e.measured[:, k]) or 1e-300 for e in problem.experiments)
                for k, o in enumerate(problem.outputs)}  # fmt: skip
     orders = [k for k, i in enumerate(free) if i in problem.order_indices]
     quarter = min(e.step * swing_period(y) for e in problem.experiments for y in e.measured.T) / 4
-    faults = []
     for (code, signal), form in forms:
         z = weight * joined(form)
         own = z - Q @ (Q.T @ z)
@@ -213,14 +212,13 @@ def misreadings(
         if code == "late" and abs(size) > quarter:
             continue
         k = max(orders, key=lambda k: abs(change[k]) / half[k], default=None)
-        faults.append(Misreading(
+        yield Misreading(
             code, signal, size, abs(size) * power / _scatter(residual * own, len(problem.outputs)),
             share=1 - float(residual @ residual) / float(e @ e),
             moves="" if k is None else problem.unknowns[free[k]].target, shift=0.0 if k is None else float(change[k]),
             half_intervals=0.0 if k is None else float(abs(change[k]) / half[k]),
             steps=2 * abs(size) * max(float(np.max(np.abs(f))) for f in form) / lattice.get(signal, 1e-300),
-        ))  # fmt: skip
-    return faults
+        )  # fmt: skip
 
 
 def _scatter(products: FloatArray, outputs: int) -> float:

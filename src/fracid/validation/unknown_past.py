@@ -41,7 +41,7 @@ from pydantic import Field
 from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
 from fracid.errors import Failure, FailureReason, InputError
-from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
+from fracid.estimation.covariance import LEAST_SHIFT, Known, Uncertainty
 from fracid.estimation.horizons import Watch, refined, uninterrupted
 from fracid.estimation.windows import piece
 from fracid.figures import Figure, Style, draw
@@ -193,7 +193,7 @@ class CutCheck(CardDisplay, Record):
 def cut_check(
     problem: Problem,
     x: FloatArray,
-    known: Uncertainty | Failure | None,
+    known: Known | None,
     *,
     whole: Mapping[str, Experiment] | None = None,
     jobs: int = 1,
@@ -368,9 +368,7 @@ TREATMENTS: Mapping[str, Callable[[Problem, Records], Problem | Failure]] = {
 """Name → the problem that it makes of another, or why it makes none."""
 
 
-def _changed(
-    problem: Problem, changed: Mapping[str, Experiment], initial_state: Any, otherwise: Failure
-) -> Problem | Failure:
+def _changed(problem: Problem, changed: Records, initial_state: Any, otherwise: Failure) -> Problem | Failure:
     """The problem with some of its recordings changed; where none is, why."""
     if not changed:
         return otherwise
