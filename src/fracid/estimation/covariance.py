@@ -87,7 +87,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import BoolArray, FloatArray
 from fracid.errors import Failure, FailureReason
 from fracid.estimation.block_covariance import (
     block_long_run,
@@ -134,7 +134,7 @@ class Uncertainty:
 
     standard_error: FloatArray
     """1.96 of them to each side hold 95 %, were there no bounds; NaN where it cannot be known, shape (n_unknowns,)."""
-    at_bound: NDArray[np.bool_]
+    at_bound: BoolArray
     """Shape (n_unknowns,)."""
     confounded: tuple[tuple[str, ...], ...]
     """Names that can only be known together, one tuple for each direction that the data do not see."""
@@ -155,7 +155,7 @@ class Uncertainty:
     """By how much V rises to both ends, shape (n_unknowns, 2); NaN where that is not known."""
     start: FloatArray
     """What the noise of a start that is taken from samples adds, one standard deviation, shape (n_unknowns,)."""
-    walked: NDArray[np.bool_]
+    walked: BoolArray
     """Which intervals end where the cost itself reaches the limit, not its parabola, shape (n_unknowns,)."""
     stops: Stops = field(default_factory=dict)
     """The bounds on the way to an interval's end."""
@@ -277,9 +277,8 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1, near: Tangent
 
 
 def _spread_out(
-    problem: Problem, x: FloatArray, found: Sandwich, touching: NDArray[np.bool_], ends: FloatArray, rise: FloatArray,
-    stops: Stops,
-) -> Uncertainty:  # fmt: skip
+    problem: Problem, x: FloatArray, found: Sandwich, held: BoolArray, ends: FloatArray, rise: FloatArray, stops: Stops
+) -> Uncertainty:
     """The sandwich of the free unknowns in places of all, without what the data cannot separate."""
     free, space = found.free, problem.space
     directions = _sparse(found.directions / space.sizes(x)[free], found.effects * space.sizes(x)[free])
@@ -294,7 +293,7 @@ def _spread_out(
     limits[seen], rises[free] = np.clip(ends[at], space.lower[seen, None], space.upper[seen, None]), rise
     confounded = tuple(tuple(problem.names[i] for i in np.flatnonzero(row)) for row in null_space)
     samples = sum(e.samples for e in problem.experiments)
-    return Uncertainty(error, touching, confounded, white, covariance=covariance, unseen=null_space, samples=samples,
+    return Uncertainty(error, held, confounded, white, covariance=covariance, unseen=null_space, samples=samples,
                        widening=wider, ends=limits, rise=rises, start=np.zeros(n),
                        walked=np.zeros(n, dtype=bool), stops=stops)  # fmt: skip
 
@@ -325,7 +324,7 @@ def _ends(here: Tangent, estimator: Sandwich) -> tuple[FloatArray, FloatArray, S
     return ends, rise, stops
 
 
-def at_bound(problem: Problem, x: FloatArray, *, jobs: int = 1) -> NDArray[np.bool_]:
+def at_bound(problem: Problem, x: FloatArray, *, jobs: int = 1) -> BoolArray:
     """Which unknowns lie at a bound, shape (n_unknowns,): closer than what the data could tell apart.
 
     Examples

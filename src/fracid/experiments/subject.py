@@ -115,8 +115,7 @@ class Subject:
         model, initial = self.problem.model, self.problem.experiments[0].initial
         shown = {i for n in self.outputs if (i := model.output_states.get(n)) is not None}
         shown |= {model.rates[i] for i in shown & model.rates.keys()}
-        begins = self.begins_as_recorded(c)
-        return {n: v for n, v in initial.items() if begins or model.states.index(n) not in shown}
+        return {n: v for n, v in initial.items() if self.begins_as_recorded(c) or model.states.index(n) not in shown}
 
     @cached_property
     def worth(self) -> float:

@@ -427,8 +427,7 @@ class Model(CardDisplay):
             raise InputError(SAYS("rhs-fails", name=self.name, kind=type(error).__name__, error=error, n=n,
                                   inputs=len(self.inputs), parameters=len(self.parameters))) from error  # fmt: skip
         driven = {*self.relaxing_states, *(i for i, q in enumerate(self.orders) if isinstance(q, Complement))}
-        pairs = ((i, j) for i in range(n) if i not in driven for j in range(n) if i != j)
-        return {i: j for i, j in pairs if out[i] == x[j]}
+        return {i: j for i in range(n) for j in range(n) if i != j and i not in driven and out[i] == x[j]}
 
     @cached_property
     def program(self) -> Program:

@@ -56,8 +56,7 @@ def _trace(material: Material, r: RecordingFit, points: int) -> dict[str, Any]:
 
 
 def _output(material: Material, r: RecordingFit, name: str, at: NDArray[np.intp]) -> dict[str, Any]:
-    unit, factor = material.unit(name)
-    step, limit = _residual_range(material, r, name)
+    unit, factor, step, limit = _scale(material, r, name)
     return {
         "name": name, "letter": letter(name), "unit": unit, "perRad": factor, "step": step, "limit": limit,
         "right": encoder_ticks(limit, step), "measured": base64_floats(factor * r.measured[name][at]),
@@ -65,22 +64,21 @@ def _output(material: Material, r: RecordingFit, name: str, at: NDArray[np.intp]
     }  # fmt: skip
 
 
-def _residual_range(material: Material, r: RecordingFit, name: str) -> tuple[float | None, float]:
-    """The encoder's step, and to where the residual's axis goes, both in the shown unit."""
-    factor = material.unit(name)[1]
+def _scale(material: Material, r: RecordingFit, name: str) -> tuple[str, float, float | None, float]:
+    """The unit that is shown, and how many it has; the encoder's step in it, and to where the residual's axis goes."""
+    unit, factor = material.unit(name)
     raw = material.project.resolutions[r.name].get(name)
     step = factor * raw if raw is not None and isfinite(raw) and raw > 0 else None
     e = factor * np.abs(r.residual(name))
     largest = float(np.max(e, initial=0.0, where=np.isfinite(e)))
-    return step, max(1.08 * largest, 1.6 * (step or 0.0)) or 1.0
+    return unit, factor, step, max(1.08 * largest, 1.6 * (step or 0.0)) or 1.0
 
 
 def fit_charts(material: Material, r: RecordingFit) -> Iterator[Chart]:
     """Of each output measured and simulated, and below it the residual."""
     time, clock = r.time - r.time[0], f"time after {number(r.time[0], '.6g')} s [s]" if r.time[0] else "time [s]"
     for k, name in enumerate(r.measured):
-        unit, factor = material.unit(name)
-        step, limit = _residual_range(material, r, name)
+        unit, factor, step, limit = _scale(material, r, name)
         last, α = k == len(r.measured) - 1, letter(name)
         yield Chart(
             f"{α}, measured and simulated", time, "", f"{α}{_in(unit)}",

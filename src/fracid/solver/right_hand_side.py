@@ -68,9 +68,7 @@ def compile_rhs(rhs: Any) -> Any:
     Traceback (most recent call last):
     fracid.errors.InputError: The right-hand side <lambda> takes (t, x); it must take (t, x, u, p, out).
     """
-    function = getattr(rhs, "py_func", rhs)
-    _refuse_unfit(function)
-    return _compiled(function)
+    return _compiled(_in_python(rhs))
 
 
 @once_for_equals
@@ -265,11 +263,14 @@ def _fault(how: str, name: str, value: Any) -> str:
     return ""
 
 
-def _refuse_unfit(function: Any) -> None:
+def _in_python(rhs: Any) -> Any:
+    """The function itself, where it is one that can be compiled."""
+    function = getattr(rhs, "py_func", rhs)
     if not isinstance(function, FunctionType):
         raise InputError(f"The right-hand side must be a function, def rhs(t, x, u, p, out); got {brief(function)}.")
     if reason := _unfit(function):
         raise InputError(f"The right-hand side {name_of(function)} {reason}.")
+    return function
 
 
 def probe(rhs: Any, x0: FloatArray, u: FloatArray, p: FloatArray, relaxing: bool = False) -> None:
@@ -277,8 +278,7 @@ def probe(rhs: Any, x0: FloatArray, u: FloatArray, p: FloatArray, relaxing: bool
 
     One with `relaxing` states may write their rates behind the derivatives, where it sees that there is room.
     """
-    function = getattr(rhs, "py_func", rhs)
-    _refuse_unfit(function)
+    function = _in_python(rhs)
     out = np.full(len(x0), UNWRITTEN)
     sizes = f"x and out have {len(x0)} entries, u has {len(u)}, p has {len(p)}"
     reach = _largest_indices(function) or (0,) * 5

@@ -13,7 +13,7 @@ from fracid.errors import DataError, Failure, writing
 from fracid.estimation.agreement import spread
 from fracid.estimation.block_bootstrap import Bootstrap, bootstrap
 from fracid.estimation.cost_profile import CostAtBest, Profiles, profile
-from fracid.estimation.covariance import METHODS, Uncertainty, uncertainty
+from fracid.estimation.covariance import METHODS, Known, uncertainty
 from fracid.estimation.likelihood_record import Likelihood
 from fracid.estimation.long_records import as_fitted, is_coarse, on_all_samples
 from fracid.estimation.parameter_verdicts import Verdict, identifiability
@@ -155,9 +155,7 @@ def _fitted(source: Path, seed: int, jobs: int, trust: bool, observer: Observer)
     return fit.problem, fit.x
 
 
-def _intervals(
-    profiles: Profiles, uncertainties: Uncertainty | Failure, replicates: Bootstrap | Failure
-) -> dict[str, Any]:
+def _intervals(profiles: Profiles, uncertainties: Known, replicates: Bootstrap | Failure) -> dict[str, Any]:
     """Every unknown's intervals by every method that gave one."""
     rows: dict[str, dict[str, Any]] = {n: {} for n in profiles.problem.names}
     for i, name in enumerate(rows):

@@ -139,10 +139,6 @@ def _one_table(read: Callable[[Path], Table]) -> Callable[[Path, str | None], Ta
     return reader
 
 
-def _mat(path: Path) -> Content:
-    return read_hdf5(path) if is_hdf5(path) else read_mat(path)
-
-
 def _arrays(read: Callable[[Path], Content]) -> Callable[[Path, str | None], Table]:
     """Return the reader of a format that holds named arrays."""
     return lambda path, variable: choose(read(path), variable, path)
@@ -177,7 +173,7 @@ def _workbook(path: Path, variable: str | None) -> Table:
 
 READERS: dict[str, Callable[[Path, str | None], Table]] = {
     **dict.fromkeys((".csv", ".tsv", ".txt", ".dat"), _one_table(read_text)),
-    ".mat": _arrays(_mat),
+    ".mat": _arrays(lambda path: read_hdf5(path) if is_hdf5(path) else read_mat(path)),
     ".npz": _arrays(read_npz),
     ".npy": _arrays(read_npy),
     **dict.fromkeys((".h5", ".hdf5"), _arrays(read_hdf5)),
