@@ -181,12 +181,12 @@ def test_check_init_fit_and_on_are_led_to_by_what_is_printed(capsys, folder, tmp
 @pytest.mark.broad
 def test_a_fit_and_what_is_done_with_it_lead_on(capsys, folder):
     from fracid.cli.app import new_console
-    from fracid.cli.fit import _say_next
+    from fracid.cli.fit import _show_rest
     from fracid.runs.saved import load_run
     from fracid.workflows.fit import FinishedRun
 
     saved = load_run("runs/rig")
-    _say_next(FinishedRun(saved.project, None, saved.folder, (), {}, False, 0.0), new_console())
+    _show_rest(FinishedRun(saved.project, saved, saved.folder, (), {}, False, 0.0), new_console())
     assert nexts(capsys.readouterr().out) == [
         "fracid report runs/rig --open", "fracid resid runs/rig", "fracid compare rig.toml"
     ]  # fmt: skip

@@ -85,7 +85,7 @@ def test_a_search_on_coarse_samples_ends_within_a_tenth_of_the_intervals_of_ever
     assert not is_coarse(every)
     assert len(fit.recordings["long"].time) == len(problem.experiments[0].measured)
     best = refined(every, fit.x, Watch()).best
-    exact = uncertainty(every, best.point)
+    exact = fit.discretisation.widened(every, best.point, uncertainty(every, best.point))
     half = 1.96 * exact.standard_error
     shared = [i for i, u in enumerate(every.unknowns) if u.kind in ("order", "parameter")]
     assert np.all(np.abs(fit.x - best.point)[:2] < 0.1 * half[:2])  # the orders

@@ -438,10 +438,10 @@ def test_a_release_and_a_voltage_pulse_tell_together_what_neither_tells_alone():
 
     driven = recording("pulse", pulse)
     both = fracid.identify(joined(release, driven), optimiser="least-squares", validation=(recording("chirp", chirp),))
-    alone = [uncertainty(joined(e), both.x) for e in (release, driven)]
+    alone, known = [uncertainty(joined(e), both.x) for e in (release, driven)], uncertainty(both.problem, both.x)
     assert np.all(np.isnan(alone[0].standard_error[2:]))
     for i, n in enumerate(names, start=2):
-        error = both.parameters[n].standard_error
+        error = known.standard_error[i]
         assert abs(both.parameters[n].value / value[n] - 1) < 0.02
         assert abs(both.parameters[n].value - value[n]) < 4 * error < 4 * 0.8 * alone[1].standard_error[i]
     assert max(both.recordings["chirp"].rmse.values()) < 1.2 * 5e-4

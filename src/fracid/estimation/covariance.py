@@ -183,7 +183,7 @@ class Uncertainty:
 
     def wider(self, space: Space, x: FloatArray, shift: FloatArray) -> Uncertainty:
         """Wider by what moves each unknown by a standard deviation of its own, shape (n_unknowns,)."""
-        sd = np.fmax(self.standard_error, np.max(np.abs(self.ends - x[:, None]), axis=1) / NORMAL_95)  # or walked
+        sd = np.where(self.walked, np.max(np.abs(self.ends - x[:, None]), axis=1) / NORMAL_95, self.standard_error)
         with np.errstate(divide="ignore", invalid="ignore"):
             wider = np.nan_to_num(np.hypot(1.0, shift / sd), nan=1.0, posinf=1.0)
         ends = x[:, None] + wider[:, None] * (self.ends - x[:, None])
