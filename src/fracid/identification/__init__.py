@@ -107,7 +107,7 @@ def identify(
         own, ``[[alternative]]``.
     fixed_step : bool, optional
         Whether the step stays as it is; else it is halved until the discretisation check is quiet.  A problem's
-        stays if nothing is said, a project's where it says ``substeps``.
+        stays if nothing is said, a project's where it says ``substeps``.  Intervals allow for what a step moves.
     observer : Observer, optional
         Hears each stage as it begins, and how far the search is; in a notebook it is shown if left out.
 
