@@ -414,7 +414,7 @@ def _signal_row(s: SignalReport) -> dict[str, str]:
     show = _degrees if s.unit.startswith("rad") else "{:.4g}".format
     end = {"rad": "°", "rad/s": "°/s", "1": ""}.get(s.unit, f" {s.unit}")
     half_turn = s.rest_offset is not None and abs(s.rest_offset) < 0.5 < abs(s.rest)
-    turns = round(s.rest / math.pi)
+    turns = round(s.rest / math.pi) if half_turn else 0
     whole = {1: "π", -1: "−π"}.get(turns, f"{turns}π")
     offset = f" ({show(s.rest_offset or 0.0)}{end} off {whole})" if half_turn else ""
     lattice = f"{s.counts_per_turn}/turn" if s.counts_per_turn else f"{show(s.resolution or 0.0)}{end}"
