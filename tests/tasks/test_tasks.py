@@ -1,10 +1,12 @@
 """Studies end with the same result on threads, processes and a cluster, whoever dies on the way."""
 
+import asyncio
 import json
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -336,6 +338,26 @@ def test_a_result_that_is_lost_with_its_worker_is_waited_for_and_the_others_go_o
     assert ends.wait() == [first]
     assert lost.status == "lost"
     assert ends.wait() == [lost]  # computed anew while nothing else ends
+
+
+def test_a_result_that_never_comes_ends_the_study_where_the_scheduler_is_gone(monkeypatch):
+    """Its worker was lost before it gave it, and with the scheduler nobody computes it anew."""
+    monkeypatch.setattr(cluster_tasks, "IDLE", 0.01)
+    loop = asyncio.new_event_loop()
+    thread = threading.Thread(target=loop.run_forever)
+    thread.start()
+    never = SimpleNamespace(status="running", nthreads=dict, loop=SimpleNamespace(asyncio_loop=loop),
+                            gather=lambda _, asynchronous: asyncio.sleep(3600))  # fmt: skip
+    ends = cluster_tasks._Ends(never, "tcp://127.0.0.1:1")
+    never.status = "closed"
+    try:
+        with pytest.raises(cluster_tasks.Stopped, match=r"The Dask scheduler at tcp://127\.0\.0\.1:1 is gone"):
+            ends.results([])
+    finally:
+        loop.call_soon_threadsafe(loop.stop)
+        thread.join()
+        loop.run_until_complete(asyncio.sleep(0))  # what was cancelled ends
+        loop.close()
 
 
 @pytest.mark.broad

@@ -7,12 +7,13 @@ repeat; a lost scheduler, or none of its workers for a minute, ends the study, w
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import pickle
 import queue
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, wait
 from contextlib import contextmanager
 from itertools import islice
 from typing import Any
@@ -72,7 +73,7 @@ def _from_cluster(client: Any, job: Job, tasks: Iterator[Task], address: str) ->
         failed = [f for f in completions if f.status in FAILED]
         failures = [_given_up(waiting[f.key][1], f.exception()) for f in failed]
         whole = [f for f in completions if f not in failed]
-        for future, result in zip(whole, client.gather(whole), strict=True):
+        for future, result in zip(whole, ends.results(whole), strict=True):
             task = waiting.pop(future.key)[1]
             if failure := failure_of(task, result):
                 failures.append(failure)
@@ -105,6 +106,17 @@ class _Ends:
             if ended := [f for f in self._heard if f.status in (*FAILED, "finished")]:
                 self._heard = [f for f in self._heard if f not in ended]
                 return ended
+
+    def results(self, futures: list[Any]) -> list[Any]:
+        """Their results; where a worker is lost before it has given its own, Dask waits for it, or for another's."""
+        gathered = self._client.gather(futures, asynchronous=True)
+        fetched = asyncio.run_coroutine_threadsafe(gathered, self._client.loop.asyncio_loop)
+        try:
+            while not wait([fetched], IDLE).done:
+                self._look()
+            return list(fetched.result())
+        finally:
+            fetched.cancel()
 
     def _look(self) -> None:
         """End the study where there is nothing to wait for."""
