@@ -8,7 +8,7 @@ many recordings with unknowns of their own, without its zeros.  With weights w a
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import starmap
+from itertools import chain, starmap
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,20 +70,26 @@ def differences(
 ) -> BlockJacobian | Failure:
     """Both, with the errors at x, by `blocks` of the unknowns `free`: one of each recording is moved at once."""
     blocks = shared_by_all(problem, len(free)) if blocks is None else blocks
-    here, space, steps = problem.errors(x), problem.space, difference_steps(problem, x)
-    if isinstance(here, Failure):
-        return here
-    parts = [np.moveaxis(part, 0, -1)  # column by column, as they come
-             for part in zeros_together([(len(blocks.columns(k)), *e.shape) for k, e in enumerate(here)])]  # fmt: skip
+    space, steps, simulated = problem.space, difference_steps(problem, x), problem.simulator.all_errors
 
     def both_sides(group: IntArray) -> list[FloatArray]:
         change = np.zeros(len(x))
         change[free[group]] = steps[free[group]]
         return [space.clipped(x + side * change) for side in (1, -1)]
 
-    def differentiate(groups: Sequence[IntArray]) -> Failure | None:
+    there = ~problem.absent(x)[free]
+    moving = [group[there[group]] for group in blocks.groups if np.any(there[group])]
+    at_once = max(1, problem.abreast // 2)
+    rest = len(moving) % at_once
+    here, *beside = simulated([x, *chain.from_iterable(map(both_sides, moving[:rest]))])
+    if isinstance(here, Failure):
+        return here
+    parts = [np.moveaxis(part, 0, -1)  # column by column, as they come
+             for part in zeros_together([(len(blocks.columns(k)), *e.shape) for k, e in enumerate(here)])]  # fmt: skip
+
+    def differentiate(groups: Sequence[IntArray], known: Sequence[list[FloatArray] | Failure] = ()) -> Failure | None:
         ends = [end for group in groups for end in both_sides(group)]
-        found = iter(zip(problem.simulator.all_errors(ends), ends, strict=True))
+        found = iter(zip(known or simulated(ends), ends, strict=True))
         for group in groups:
             sides = [next(found), next(found)]
             fails = [errors for errors, _ in sides if isinstance(errors, Failure)]
@@ -100,12 +106,9 @@ def differences(
                     return Failure(FailureReason.RUN, f"the runs on both sides of the minimum fail: {fails[0]}")
         return None
 
-    there = ~problem.absent(x)[free]
-    moving = [group[there[group]] for group in blocks.groups if np.any(there[group])]
-    at_once = max(1, problem.abreast // 2)
-    chunks = [moving[k : k + at_once] for k in range(0, len(moving), at_once)]
-    reasons = [why for why in in_threads(jobs, differentiate, chunks) if why]
-    return reasons[0] if reasons else BlockJacobian(blocks, parts, here)
+    chunks = [moving[k : k + at_once] for k in range(rest, len(moving), at_once)]
+    reasons = [differentiate(moving[:rest], beside), *in_threads(jobs, differentiate, chunks)]
+    return next(filter(None, reasons), None) or BlockJacobian(blocks, parts, here)
 
 
 def difference_steps(problem: Problem, x: FloatArray) -> FloatArray:
