@@ -459,16 +459,16 @@ def _bounds(view: _View, i: int) -> str:
 
 def _idle(view: _View, i: int) -> str:
     """That a parameter does nothing where another is 0, as the rest of a spring: so it may be, by its interval."""
-    problem, space, parameters = view.problem, view.problem.space, view.problem.unknowns
-    for k, other in enumerate(parameters):
-        low, high = view.known.interval(view.x, k) or (view.x[k], view.x[k])
-        if i != k and parameters[i].kind == other.kind == "parameter" and low <= 0 <= high:
-            without = np.where(np.arange(len(view.x)) == k, 0.0, view.x)
-            inside = math.copysign(space.typical[i], space.steps(view.x)[i])
-            moved = space.clipped(np.where(np.arange(len(view.x)) == i, view.x + inside, without))
-            if problem.cost(without) == problem.cost(moved):
-                return SAYS("idle", other=other.name)
-    return ""
+    problem, x, pairs = view.problem, view.x, dict[str, list[FloatArray]]()
+    for k, other in enumerate(problem.unknowns):
+        low, high = view.known.interval(x, k) or (x[k], x[k])
+        if i != k and problem.unknowns[i].kind == other.kind == "parameter" and low <= 0 <= high:
+            without = np.where(np.arange(len(x)) == k, 0.0, x)
+            inside = math.copysign(problem.space.typical[i], problem.space.steps(x)[i])
+            moved = np.where(np.arange(len(x)) == i, x + inside, without)
+            pairs[other.name] = [without, problem.space.clipped(moved)]
+    costs = np.reshape(problem.costs([end for pair in pairs.values() for end in pair]), (-1, 2))
+    return next((SAYS("idle", other=n) for n, (least, after) in zip(pairs, costs, strict=True) if least == after), "")
 
 
 def _near_ratio(view: _View, i: int) -> tuple[str, str, float] | None:
