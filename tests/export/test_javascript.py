@@ -47,6 +47,7 @@ VARIANTS = {
                                                            play_theta=0.01, arm_stiffness=20.0),
     "driven, on a leaning axis": problem_of(inputs=swept, torque_per_volt=0.05, tilt_x=0.01),
     "driven by a voltage that is held": problem_of(inputs=swept, torque_per_volt=0.05, between="hold"),
+    "the same of low orders": problem_of((0.3, 0.45), inputs=swept, torque_per_volt=0.05, between="hold", b_alpha=1e-2),
     "pi2-implicit": problem_of(method="pi2-implicit"),
     "gl": problem_of(method="gl"),
     "gl-sequential": problem_of((0.9, 1.0), method="gl-sequential"),

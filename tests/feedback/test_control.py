@@ -49,8 +49,7 @@ def upright():
     return loop_of(twin(), delay=0.013)
 
 
-def test_the_motion_of_a_loop_is_that_of_the_solver_under_the_inputs_that_it_gave(upright, monkeypatch):
-    monkeypatch.setattr("fracid.solver.solve.ALIKE", 1)  # its start takes the mean at the first jumps
+def test_the_motion_of_a_loop_is_that_of_the_solver_under_the_inputs_that_it_gave(upright):
     model = upright.problem.model
     time, y, u = upright.run(upright.x, regulated(upright), 1)
     inputs = np.r_[u[:1], u[:-1]][:, None]

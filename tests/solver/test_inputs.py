@@ -58,14 +58,13 @@ def steps(t, x, u, p, out):
 def test_a_held_input_is_integrated_at_every_order(order):
     """D^q x = u: each jump adds (t − t_k)^q/Γ(q + 1)."""
     u, h = np.random.default_rng(2).standard_normal(201), 0.01
-    u[:9] = 0.0  # where the start is corrected, jumps are taken by their mean
     t = h * np.arange(201)
     jumps = np.diff(u, prepend=0.0)
     expected = sum(j * np.maximum(t - at, 0) ** order for j, at in zip(jumps, t, strict=True)) / gamma(order + 1)
     initial = [[0.0, 0.0]] if order > 1 else [0.0]
     run = solve_fde(steps, order, initial, step=h, end=2.0, inputs=u, between="hold", memory="full")
     lines = solve_fde(steps, order, initial, step=h, end=2.0, inputs=u, memory="full")
-    bound = 1e-12 + 0.16 * abs(1 - order) * h**order  # a jump moves some h^q in a step
+    bound = 1e-12 + 0.18 * abs(1 - order) * h**order  # a jump moves some h^q in a step
     assert abs(run.states[:, 0] - expected).max() < bound
     assert abs(lines.states[:, 0] - expected).max() > 10 * bound
 

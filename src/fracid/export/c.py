@@ -4,8 +4,8 @@ No allocation, no library but ``<math.h>``, all memory in one struct, and the sa
 method, where dry friction asks for it): :mod:`fracid.solver.schemes` with the tables of :mod:`fracid.export.recursion`.
 
 A controller knows its input only when the step ends, so the first steps, which fracid solves together, are solved with
-the input of the moment for those to come, and a held input jumps at once, of which fracid takes the mean within them.
-With an input in lines and one such step (orders near 1), or one that stays while they last, that is no difference.
+the input of the moment for those to come.  With one such step (orders near 1), or an input that stays or jumps while
+they last, that is no difference.
 
 In single precision, for processors without a double unit, the same text has ``float`` and numbers rounded to it, and
 iterations end where those digits do.  Of strangers' names nothing reaches the text but as a word or within a comment.

@@ -25,7 +25,6 @@ from fracid.models.written.languages import Matlab
 from fracid.runs.saved import SavedRun
 from fracid.safety.door import own_text
 from fracid.safety.text import printable
-from fracid.solver.solve import ALIKE
 
 
 def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
@@ -64,7 +63,7 @@ def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
         own_text(f"export/{template}"), t=tables, case=case, run=run_name, gl=family == "gl", third=family == "pi3",
         rhs=written(tables.model, "matlab", words_of(template)), name=Matlab(tables.model.program).name,
         starts=[k.start[1:] for k in tables.kernels], places=lambda numbers: np.array(numbers) + 1,
-        inputs=[side[:, : len(tables.model.inputs)] for side in case.driven], alike=ALIKE,
+        inputs=[side[:, : len(tables.model.inputs)] for side in case.driven],
     )  # fmt: skip
 
 

@@ -354,10 +354,10 @@ const Fracid = (() => {
     const W = Array.from({ length: s * S }, () => new Float64Array(s * S));
     for (let n = 1; n <= s; n++) for (let i = 0; i < S; i++) for (let k = 1; k <= s; k++) for (let c = 0; c < S; c++)
       W[(n - 1) * S + i][(k - 1) * S + c] = (n === k && i === c) - M[i][n][k] * A[i][c];
-    const pivots = factor(W), b = new Float64Array(s * S), { inputs, width } = run;
+    const pivots = factor(W), b = new Float64Array(s * S), { u, last } = withoutJumps(run, s);
     let moved = Infinity;
     for (let iteration = 0; iteration < 50 && moved >= 1e-14; iteration++) {
-      for (let n = 0; n <= s; n++) f(x[n], inputs.length > width ? inputs.subarray(n * width, (n + 1) * width) : inputs, fs[n]);
+      for (let n = 0; n <= s; n++) f(x[n], u[n], fs[n]);
       for (let n = 1; n <= s; n++) for (let i = 0; i < S; i++) {
         let total = run.initial[i] - x[n][i];
         for (let k = 0; k <= s; k++) total += run.gain[i] * M[i][n][k] * fs[k][i];
@@ -374,7 +374,7 @@ const Fracid = (() => {
     }
     if (!(moved < 1e-11)) return NOTHING;
     const C = run.initial.map((_, i) => i);
-    return { together: s, begun: x, knots, C: Array.from(C, i => {
+    return { together: last, begun: x, knots, C: Array.from(C, i => {
       const sum = new Float64Array(knots.length);
       fit.forEach((row, e) => {
         const c = row.reduce((total, v, k) => total + v * (fs[k + 1][i] - fs[0][i]), 0);
@@ -382,6 +382,19 @@ const Fracid = (() => {
       });
       return sum;
     }) };
+  }
+
+  // The inputs of s steps as they would go on without their jumps, and the step at which they first do jump, or s.
+  function withoutJumps({ inputs, jumps, width }, s) {
+    const row = (of, n) => (of.length > width ? of.subarray(n * width, (n + 1) * width) : of);
+    const moved = new Float64Array(width), u = [];
+    let last = s;
+    for (let n = 0; n <= s; n++) {
+      u.push(row(inputs, n).map((v, c) => v - moved[c]));
+      if (jumps && n > 0) for (let c = 0; c < width; c++) moved[c] += row(jumps, n)[c] - row(inputs, n)[c];
+      if (n < last && moved.some(v => v !== 0)) last = n;
+    }
+    return { u, last };
   }
 
   // They depend on the orders only: sliders of other values find them made.
@@ -660,20 +673,6 @@ const Fracid = (() => {
     return C[k] + (n - a) * (one + (n - b) * (two - one) / (c - a));
   }
 
-  // Of an input that jumps: gl takes it after the jump, pi2 both; the first steps are solved as if f were smooth.
-  function atJumps(run) {
-    if (!run.jumps) return;
-    const { inputs, jumps, width } = run;
-    if (run.family === "gl") {
-      run.inputs = jumps;
-      run.jumps = null;
-    } else if (run.orders.some(q => q !== 1)) {
-      run.inputs = inputs.slice();
-      run.jumps = jumps.slice();
-      for (let k = width; k < min(8 * width, inputs.length); k++) run.inputs[k] = run.jumps[k] = (inputs[k] + jumps[k]) / 2;
-    }
-  }
-
   const SHORTEST = 10000;                                // steps that the memory holds at least
 
   function solve(f, run) {
@@ -682,7 +681,7 @@ const Fracid = (() => {
     const whole = { tolerance: 1e-10, limit: 1e4, jumps: null, ...run, inputs, every, width, relaxing, memory: max(run.steps, run.memory || 0, SHORTEST) };
     const out = { states: new Float64Array((Math.floor(run.steps / every) + 1) * states), samples: 0, completed: false };
     whole.initial = Float64Array.from(run.initial);
-    atJumps(whole);
+    if (whole.jumps && run.family === "gl") Object.assign(whole, { inputs: whole.jumps, jumps: null });  // pi2 takes both
     (run.family === "gl" ? stepGl : stepPi)(f, whole, out);
     return out;
   }

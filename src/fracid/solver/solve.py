@@ -393,22 +393,14 @@ def _trajectory(
     )  # fmt: skip
 
 
-ALIKE = 8
-"""Up to so many steps are solved together as if f were smooth: there jumps are taken by their mean."""
-
-
 def _at_jumps(equation: Equation, method: Method) -> tuple[FloatArray, FloatArray]:
     """The inputs as a method takes them: just before each grid point, and just after it where they jump."""
     before, after, none = equation.inputs, equation.after, np.empty((0, equation.inputs.shape[1]))
     if after is None:
         return before, none
-    mean = (before + after) / 2
-    if method.at_a_jump != "both":
-        return after if method.at_a_jump == "after" else mean, none
-    if np.any(equation.orders != 1):
-        before, after = before.copy(), after.copy()
-        before[1:ALIKE] = after[1:ALIKE] = mean[1:ALIKE]
-    return before, after
+    if method.at_a_jump == "both":
+        return before, after
+    return after if method.at_a_jump == "after" else (before + after) / 2, none
 
 
 def _room(steps: int, every: int, states: int) -> FloatArray:

@@ -38,6 +38,9 @@ depends on t itself, as it is measured (f = t^0.6 + …, or a smooth x under a f
 and 1, whose error is zero, where none is near it: a straight line must not be mistaken for powers.  Nothing is
 corrected where the start is stiffer than the step can see, that is where h^q ∂f/∂x has a spectral radius above 1.
 
+**Where inputs jump** within these steps, f is not smooth.  How it begins is that of the inputs without their jumps, and
+steps after the first jump are no longer solved together: the loop takes them, as it does all later jumps.
+
 **bdf2** has the same corrections with its own errors, whose expansion needs no last panel, since its weights and
 powers are coefficients of :math:`\sum_j d_j s^{j-q}` and :math:`Γ(σ+1)\,s^{-σ-1} + \sum_i ζ(-σ-i)(-s)^i/i!`, at
 e^(−s): :math:`E_σ(n)` is the sum of :math:`n^{σ+q-j}` and :math:`n^{q-1-i-j}` that their product leaves.  It does not
@@ -356,11 +359,12 @@ def begun(rhs: int, runs: Sequence[Run], family: str) -> list[Start]:
     tables = [_with_fading(run, corrections(family, tuple(run.orders.tolist()), sigma, steps + 8))
               for run, sigma in zip(runs, sigmas, strict=True)]  # fmt: skip
     fit, M, _, errors = (np.stack(part) for part in zip(*tables, strict=True))
-    settled, x, f, base = _solved_together(rhs, runs, A, M)
+    u, last = _without_jumps(one, s)
+    settled, x, f, base = _solved_together(rhs, runs, u, A, M)
     f[:, 1:] -= f[:, :1]
-    knots = tables[0].knots
+    knots, known = tables[0].knots, x[:, : max(len(one.past) - 1, last) + 1]
     C = np.einsum("rei,rien->rin", fit @ f, errors) + [_held(run, knots) for run in runs]
-    solved = map(Start, x, base, repeat(s), repeat(knots), _parabolas(knots, C))
+    solved = map(Start, known, base, repeat(last), repeat(knots), _parabolas(knots, C))
     return [start if good else _uncorrected(run) for start, good, run in zip(solved, settled, runs, strict=True)]
 
 
@@ -434,13 +438,25 @@ def _look_around(rhs: int, runs: Sequence[Run]) -> tuple[FloatArray, FloatArray,
     return A, powers, moves
 
 
+def _without_jumps(run: Run, s: int) -> tuple[FloatArray, int]:
+    """The inputs of s steps as they would go on without their jumps, and the step at which they first do jump, or s.
+
+    How a solution begins is told by what comes before them; what comes after them is no longer solved together.
+    """
+    u = run.u[: s + 1] if len(run.u) > 1 else np.repeat(run.u, s + 1, axis=0)
+    if not len(run.after):
+        return u, s
+    jumps = run.after[: s + 1] - u
+    return u - (np.cumsum(jumps, axis=0) - jumps), int(min([s, *np.flatnonzero(jumps.any(axis=1))]))
+
+
 def _first_time(run: Run) -> float:
     """Time of the first known sample, the t = 0 of the formulas."""
     return run.start - (len(run.past) - 1) * run.h
 
 
 def _solved_together(
-    rhs: int, runs: Sequence[Run], A: FloatArray, M: FloatArray
+    rhs: int, runs: Sequence[Run], u: FloatArray, A: FloatArray, M: FloatArray
 ) -> tuple[list[bool], FloatArray, FloatArray, FloatArray]:
     """Solve for x_{m+1} … x_s and f_0 … f_s by Newton's method, with the matrix of the start: x, f, and x(0).
 
@@ -452,7 +468,7 @@ def _solved_together(
     past, gain, slope = (np.array([getattr(run, n) for run in runs]) for n in ("past", "gain", "slope"))
     x, base = past.take(np.minimum(np.arange(max(m, s) + 1), m), axis=1), past[:, 0].copy()
     f, n = np.zeros((count, s + 1, states)), np.arange(s + 1.0)
-    t, u = _first_time(one) + n * one.h, one.u[: s + 1] if len(one.u) > 1 else np.repeat(one.u, s + 1, axis=0)
+    t = _first_time(one) + n * one.h
     held = np.array([_held(run, n).T for run in runs])
     drift, weights = n[:, None] * one.h * slope[:, None] + gain[:, None] * held, gain[..., None, None] * M
     size = max(0, s - m) * states
