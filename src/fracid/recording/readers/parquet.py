@@ -6,7 +6,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from fracid.errors import InputError
+from fracid.errors import installed
 from fracid.recording.readers.content import NO_NUMBERS, Content, reading, refuse_bomb, same_name
 
 
@@ -20,10 +20,8 @@ def read_parquet(path: Path) -> Content:
     DataError
         The file is damaged, or would unpack to more numbers than a recording has.
     """
-    try:
+    with installed("reading Parquet needs pyarrow: type pip install 'fracid[parquet]'"):
         from pyarrow import parquet
-    except ImportError as error:
-        raise InputError("reading Parquet needs pyarrow: type pip install 'fracid[parquet]'") from error
     limits = {"thrift_string_size_limit": 2**24, "thrift_container_size_limit": 2**20}
     with reading(path, "Parquet file"), parquet.ParquetFile(path, **limits) as file:
         return _columns(file, path)
