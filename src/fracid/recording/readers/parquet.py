@@ -38,8 +38,6 @@ def _columns(file: Any, path: Path) -> Content:
     # the sum of the groups' own: asking for a column's ends the process where its statistics are damaged (Arrow 26)
     groups = map(file.metadata.row_group, range(file.metadata.num_row_groups))
     refuse_bomb(path, sum(max(0, group.total_byte_size) for group in groups) / 8)
-    others: dict[str, Any] = {
-        n: same_name(count[n]) if count[n] > 1 else NO_NUMBERS for n in schema.names if n not in set(names)
-    }
+    others: dict[str, Any] = {n: same_name(times) if times > 1 else NO_NUMBERS for n, times in count.items()}
     table = file.read(columns=names, use_threads=False)
     return others | {name: table.column(name).to_numpy() for name in table.column_names if name in names}
