@@ -8,7 +8,7 @@ also takes slopes of inputs; newer tools read 3.0.  The archive's bytes depend o
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from io import BytesIO
@@ -49,7 +49,7 @@ class Variable:
     initial: str = ""
 
 
-def variables(model: Identified) -> list[Variable]:
+def variables(model: Identified) -> Iterator[Variable]:
     """Time, inputs, outputs, states, parameters and orders, in the order of their value references.
 
     Examples
@@ -66,15 +66,14 @@ def variables(model: Identified) -> list[Variable]:
         ("order", model.orders, "local", "constant", "exact"),
     )
     taken: set[str] = set()
-    found, begin = [], 0
+    begin = 0
     for kind, quantities, *how in kinds:
         for reference, q in enumerate(quantities, begin):
             plain = kind not in ("state", "order") and q.name not in taken
             name = one_line(q.name if plain else f"{kind}.{q.name}")
             taken.add(name)
-            found.append(Variable(reference, q, name, *how))
+            yield Variable(reference, q, name, *how)
         begin += max(1, len(quantities))  # C has no arrays of nothing
-    return found
 
 
 def sources(model: Identified, version: Version) -> dict[str, str]:
@@ -106,7 +105,7 @@ def description(model: Identified, version: Version, token: str) -> str:
     >>> description.__name__
     'description'
     """
-    every = variables(model)
+    every = [*variables(model)]
     units = {unit: _powers(unit) for unit in sorted({v.quantity.unit for v in every} - {""})}
     about = f"{model.problem.model.name}, identified by fracid {__version__} from {model.run}"
     return DECLARATION + xml("description.xml.in", version=version, two=version == "2", token=token, model=model,

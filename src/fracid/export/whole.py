@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from importlib.resources import files
+from functools import partial
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from fracid.findings import Words
 from fracid.models import Model
 from fracid.models.base import computed
 from fracid.models.written.languages import C, JavaScript, Matlab, Python, Writer
+from fracid.safety.door import own_text
 from fracid.safety.text import one_line
 
 SAYS = Words("export/whole.toml")
@@ -101,7 +102,7 @@ def written_outputs(model: Model, language: str, taken: Sequence[str] = ()) -> s
 
 def words_of(template: str) -> tuple[str, ...]:
     """All words of a template of this package."""
-    return tuple(set(re.findall(r"\w+", (files("fracid.export") / template).read_text(encoding="utf-8"))))
+    return tuple(set(re.findall(r"\w+", own_text(f"export/{template}"))))
 
 
 def _lacking(model: Model) -> list[str] | None:
@@ -130,6 +131,5 @@ def _places(model: Model) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]
         yield x, u, np.where(p == 0.0, MOVED, p) * (1.0 + MOVED * random.random(len(p)))
 
 
-def _same(a: FloatArray, b: FloatArray) -> bool:
-    """But for roundings, in which NumPy's functions are not those of ``math``."""
-    return np.allclose(a, b, rtol=ROUNDING, atol=1e-15, equal_nan=True)  # or what is left of ones
+_same = partial(np.allclose, rtol=ROUNDING, atol=1e-15, equal_nan=True)  # or what is left of ones
+"""But for roundings, in which NumPy's functions are not those of ``math``."""

@@ -47,7 +47,7 @@ from fracid.plots.appearance import (
     title,
 )
 from fracid.units import shown_unit, with_unit
-from fracid.validation.residual_records import ResidualAnalysis, ResidualCurves
+from fracid.validation.residual_records import ResidualAnalysis
 from fracid.validation.residual_sentences import DRIFT
 from fracid.validation.residual_tests import normal_probability
 from fracid.validation.residuals import residual_analysis
@@ -148,7 +148,7 @@ def residual_diagnostics(
     if (mask := np.isfinite(residual)).any():
         speed = np.asarray(np.gradient(recording.fitted[output], recording.time))
         _over_fitted(panels["speed"], factor * speed[mask], factor * residual[mask], step, unit=unit)
-        _in_time(panels["lags"], panels["spectrum"], a.curves, factor, analysis=a)
+        _in_time(panels["lags"], panels["spectrum"], a, factor)
     name = symbol(output)
     speeds, value = f"fitted speed of {name} [{_per(display_unit, 's')}]", f"residual of {name} [{display_unit}]"
     label(panels["speed"], "against the fitted speed", speeds, value)
@@ -197,14 +197,12 @@ def _blank(panels: Sequence[Axes], why: str) -> None:
         note(axes, why)
 
 
-def _in_time(
-    lags: Axes, spectrum: Axes, curves: ResidualCurves | None, factor: float, analysis: ResidualAnalysis
-) -> None:
+def _in_time(lags: Axes, spectrum: Axes, analysis: ResidualAnalysis, factor: float) -> None:
     """What shows in the order of the samples, as on the page; `factor` is from SI to the unit shown."""
+    curves, whiteness, swing = analysis.curves, analysis.whiteness, analysis.spectrum.swing
     if curves is None:
         _blank((lags, spectrum), "nothing that can be tested")
         return
-    whiteness, swing = analysis.whiteness, analysis.spectrum.swing
     lags.axhspan(-curves.white, curves.white, color=BLUE, alpha=0.25, lw=0, label="95 % of white noise")
     lags.axhline(0, color="0.6", lw=0.8)
     line(lags, curves.lag, curves.correlation, color=INK, lw=1.0)

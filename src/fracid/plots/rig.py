@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import cycle
 
 import numpy as np
@@ -73,7 +73,7 @@ def rig_drawing(model: Model, *, style: str | Style = "screen") -> Figure:
         raise InputError(f"The model {model.name!r} is not drawn: it has no scene. Write one as [model.scene].")
     if not np.isfinite(scene.at({}, constants)).all():
         raise InputError(f"The model {model.name!r} is not drawn: with its constants a body of its scene is infinite.")
-    shown = _shown(model, scene, constants)
+    shown = dict(_shown(model, scene, constants))
     figure = new(WIDTH, HEIGHT + 0.4, style)
     axes = figure.subplots()
     for body, line in scene.drawn({}, constants):
@@ -94,14 +94,13 @@ def rig_drawing(model: Model, *, style: str | Style = "screen") -> Figure:
     return finish(figure, plain(heading, 90), grid=False)
 
 
-def _shown(model: Model, scene: Scene, constants: Sequence[float]) -> dict[str, float]:
-    """The value of each output that moves something."""
+def _shown(model: Model, scene: Scene, constants: Sequence[float]) -> Iterator[tuple[str, float]]:
+    """Each output that moves something, and its value."""
     places, _ = on_paper(scene.at({}, constants))
-    size, values = np.ptp(places.reshape(-1, 2), axis=0).max(), {}
+    size = np.ptp(places.reshape(-1, 2), axis=0).max()
     for name in scene.moved_by:
         moved = np.abs(on_paper(scene.at({name: 1e-3}, constants))[0] - places).max() / 1e-3
-        values[name] = TURN if model.output_unit(name) == "rad" else SHARE * size / max(moved, 1e-12)
-    return values
+        yield name, TURN if model.output_unit(name) == "rad" else SHARE * size / max(moved, 1e-12)
 
 
 def _way(scene: Scene, name: str, shown: Mapping[str, float], constants: Sequence[float]) -> FloatArray:

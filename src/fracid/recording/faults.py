@@ -52,7 +52,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import groupby
+from itertools import groupby, islice
 
 import numpy as np
 
@@ -175,7 +175,7 @@ def signal_faults(time: FloatArray, signals: Signals, reports: Sequence[SignalRe
             findings += _saturated(s, x)
             continue
         findings += (*_unit(s, x, pendulum), *_jumps(s, t, x), *_repeated(s, t, x), *_saturated(s, whole[s.name]))
-        for at, length in clock_jumps(t, x)[:1] if pendulum else ():
+        for at, length in islice(clock_jumps(t, x), 1) if pendulum else ():
             findings.append(SAYS.finding("clock-jump", s.name, length, JUMPED * float(np.median(np.diff(t))), at=at))
         if not s.resolution or s.range >= FEW_COUNTS * s.resolution:
             findings += sampling if (sampling := list(_sampling(s, t, x))) or not pendulum else _clock(s, t, x)
@@ -309,7 +309,7 @@ def other_clock(length: float, column: str | None) -> tuple[str, str]:
     return ("--time", f"{column},unit={unit}") if unit else ("--rate", "HZ")
 
 
-def clock_jumps(t: FloatArray, x: FloatArray) -> list[tuple[float, float]]:
+def clock_jumps(t: FloatArray, x: FloatArray) -> Iterator[tuple[float, float]]:
     """(time, length) of the gaps of a clock beside which the motion goes on as if there were none [s].
 
     Where a logger has lost samples, a swing has gone on meanwhile, elsewhere and at another speed.  Where the clock was
@@ -319,24 +319,24 @@ def clock_jumps(t: FloatArray, x: FloatArray) -> list[tuple[float, float]]:
     --------
     >>> t = np.arange(0, 10, 0.01)
     >>> swing = np.cos(6 * t)
-    >>> clock_jumps(np.where(t > 4, t + 0.3, t), swing), clock_jumps(t[(t < 4) | (t > 4.3)], swing[(t < 4) | (t > 4.3)])
-    ([(4.0, 0.31)], [])
+    >>> [*clock_jumps(np.where(t > 4, t + 0.3, t), swing)]
+    [(4.0, 0.31)]
+    >>> [*clock_jumps(t[(t < 4) | (t > 4.3)], swing[(t < 4) | (t > 4.3)])]
+    []
     """
     dt = np.diff(t)
     if dt.size < 8 * AROUND or not np.any(dt > 0) or not np.isfinite(np.diff(x)).any():
-        return []
+        return
     step = float(np.median(dt[dt > 0]))
     speed = float(np.nanmax(np.abs(np.diff(x)))) / step
     index: FloatArray = (np.arange(2.0 * AROUND) - AROUND + 0.5) * step
-    jumps = []
     for k in np.flatnonzero(dt > JUMPED * step).tolist():
         near = np.arange(k - AROUND + 1, k + AROUND + 1)
         if near[0] < 0 or near[-1] >= t.size or np.sum(dt[near[:-1]] > GAP * step) > 1 or np.isnan(x[near]).any():
             continue
         as_if, as_said = _misfit(index, x[near]), _misfit(t[near] - 0.5 * (t[k] + t[k + 1]), x[near])
         if as_if < ALIKE * as_said and as_said > MOVED * speed * step:
-            jumps.append((float(t[k]), round(float(dt[k]), 9)))
-    return jumps
+            yield float(t[k]), round(float(dt[k]), 9)
 
 
 def _misfit(t: FloatArray, x: FloatArray) -> float:
@@ -429,7 +429,7 @@ def _repeated(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding
 def _saturated(s: SignalReport, x: FloatArray) -> Iterator[Finding]:
     angle = s.unit == "rad"
     q = s.resolution or (0.0 if angle else 1e-3 * s.range)
-    cut = {limit: _flat_tops(x, limit, q, None if angle else GRADUAL * s.range) for limit in (s.maximum, s.minimum)}
+    cut = {limit: [*_flat_tops(x, limit, q, None if angle else GRADUAL * s.range)] for limit in (s.maximum, s.minimum)}
     alike = angle and abs(s.maximum + s.minimum) <= 0.5 * q  # once, and as far as on the other side: no chance either
     for limit, tops in cut.items():
         if len(tops) + alike < RUNS:
@@ -439,9 +439,8 @@ def _saturated(s: SignalReport, x: FloatArray) -> Iterator[Finding]:
         yield SAYS.finding("saturated" if angle else "at-limit", s.name, share, 0.0, value=value, times=len(tops))
 
 
-def _flat_tops(x: FloatArray, limit: float, q: float, gradual: float | None) -> list[tuple[int, int]]:
+def _flat_tops(x: FloatArray, limit: float, q: float, gradual: float | None) -> Iterator[tuple[int, int]]:
     """(start, stop) of the stretches at exactly the limit that begin and end too steeply for a turning point."""
-    tops = []
     for start, stop in stretches(x == limit).tolist():
         half = (stop - start) // 2
         if stop - start < 3 or start - half < 0 or stop - 1 + half >= x.size:
@@ -449,8 +448,7 @@ def _flat_tops(x: FloatArray, limit: float, q: float, gradual: float | None) -> 
         falls = abs(limit - x[start - half]), abs(limit - x[stop - 1 + half])
         jumps = gradual is not None and abs(limit - x[start - 1]) > gradual
         if min(falls) > FLAT * q and not jumps:
-            tops.append((start, stop))
-    return tops
+            yield start, stop
 
 
 # --- sampling ------------------------------------------------------------------------------------------

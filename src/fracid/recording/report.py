@@ -206,7 +206,7 @@ class Report:
         ]
         return rows if self.release is not None or any(s.unit == "rad" for s in self.signals) else rows[:-1]
 
-    def signal_rows(self, factors: Mapping[str, float] | None = None) -> list[dict[str, str]]:
+    def signal_rows(self, factors: Mapping[str, float] = {}) -> list[dict[str, str]]:
         """Return one row of texts for each signal; angles in degrees, those in doubt as numbers, with their `factors`.
 
         Examples
@@ -215,7 +215,6 @@ class Report:
         >>> measure(t, {"alpha": np.cos(t)}, {"alpha": "rad"}).signal_rows()[0]["range"]
         '-57.3 … 57.3°'
         """
-        factors = factors or {}
         return [_signal_row(_as_numbers(s, factors[s.name]) if s.name in factors else s) for s in self.signals]
 
     def to_dict(self) -> dict[str, Any]:

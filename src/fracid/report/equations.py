@@ -6,8 +6,9 @@ there is each state with its order.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 from fracid.errors import InputError
@@ -56,8 +57,8 @@ def equations(model: Model, result: Mapping[str, Any], driven: bool, language: s
         named = {"x": model.states, "u": model.inputs if driven else ()}
         given = tuple(Entry(array, Number(i)) for array, names in named.items() for i in range(len(names)))
         states = [Equality(Entry("out", Number(i)), Call(f"f{i + 1}", given)) for i in range(len(model.states))]
-        return {"Its states": write(model, order=_written(result["orders"])).block(states)}
-    found = write(model, _written(constants), _written(result["orders"]))
+        return {"Its states": write(model, order=partial(_written, result["orders"])).block(states)}
+    found = write(model, partial(_written, constants), partial(_written, result["orders"]))
     return {"With symbols": write(model).block(lines), "With the fitted values": found.block(lines)}
 
 
@@ -67,13 +68,9 @@ def _constants(result: Mapping[str, Any]) -> dict[str, Any]:
     return {**result["parameters"], **{n: {"value": None, "free": True} for n in own}}
 
 
-def _written(estimates: Mapping[str, Any]) -> Callable[[str], str | None]:
-    """Name → its digits; one that its interval leaves none keeps the first, or the term would say nothing."""
-
-    def text(name: str) -> str | None:
-        if (e := estimates.get(name)) is None or e["value"] is None:
-            return None
-        found = digits(e)
-        return found if found.strip("−0.") or not e["value"] else number(e["value"], ".1g")
-
-    return text
+def _written(estimates: Mapping[str, Any], name: str) -> str | None:
+    """Its digits; one that its interval leaves none keeps the first, or the term would say nothing."""
+    if (e := estimates.get(name)) is None or e["value"] is None:
+        return None
+    found = digits(e)
+    return found if found.strip("−0.") or not e["value"] else number(e["value"], ".1g")

@@ -158,7 +158,7 @@ def report_page(material: Material) -> str:
     str
         HTML.
     """
-    charts, surface, rig = _charts(material), _cost_surface(material), scene_data(material)
+    charts, surface, rig = dict(_charts(material)), _cost_surface(material), scene_data(material)
     unexplored = not_explored(material)
     own = [] if unexplored else explore_scripts(material)
     scripts = [*scene_script(material.model), *SCRIPTS, *map(Markup, own)]
@@ -194,18 +194,16 @@ def _cost_surface(material: Material) -> Surface | None:
 # --- charts ----------------------------------------------------------------------------------------
 
 
-def _charts(material: Material) -> dict[str, Chart]:
-    """All that stand still, by name: as recorded, and of the residuals."""
-    charts: dict[str, Chart] = {}
+def _charts(material: Material) -> Iterator[tuple[str, Chart]]:
+    """All that stand still, with their names: as recorded, and of the residuals."""
     for i, (name, r) in enumerate(material.fit.recordings.items()):
-        charts |= _numbered(f"whole-{i}", recorded_charts(material, material.as_recorded[name], r))
+        yield from _numbered(f"whole-{i}", recorded_charts(material, material.as_recorded[name], r))
         for n, residual in material.residuals[name].items():
-            charts |= _numbered(f"residual-{i}-{n}", residual_charts(residual, material.unit(n)[1]))
-    return charts
+            yield from _numbered(f"residual-{i}-{n}", residual_charts(residual, material.unit(n)[1]))
 
 
-def _numbered(name: str, charts: Iterator[Chart]) -> dict[str, Chart]:
-    return {f"{name}-{k}": chart for k, chart in enumerate(charts)}
+def _numbered(name: str, charts: Iterator[Chart]) -> Iterator[tuple[str, Chart]]:
+    return ((f"{name}-{k}", chart) for k, chart in enumerate(charts))
 
 
 def _stills(material: Material, charts: Mapping[str, Chart], surface: Surface | None) -> dict[str, Any]:

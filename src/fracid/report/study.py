@@ -263,9 +263,25 @@ def write_study(folder: str | Path, file: str) -> Path:
     Traceback (most recent call last):
     fracid.errors.InputError: nowhere holds no compare.json. Write it: fracid compare.
     """
-    folder = Path(folder)
-    text, page = _page(folder, file, STUDIES[file], _record(folder, file)), (folder / file).with_suffix(".html")
-    write_files(page.parent, {page.name: text}, writing(f"The page {page}"))
+    folder, study = Path(folder), STUDIES[file]
+    record, page = _record(folder, file), (folder / file).with_suffix(".html")
+    found, environment = study.found(record), read_if_whole(folder / ENVIRONMENT, EnvironmentBlock)
+    words, run = environment.get("command") or [], _run(folder)
+    integers = _integers(run)
+    for row in (row for rows in found.values.values() for row in rows if row["name"] in integers):
+        row["integer"] = integers[row["name"]]
+    command = words if words[:1] == [study.command] else [study.command, *_options(record, run)]
+    ladder = ladder_of(record) if file == "compare.json" else None
+    data = _curves(folder, record) if ladder else None
+    scripts = ("theme.js", "data.js", "uPlot.iife.min.js", "charts.js", "study.js") if data else ("theme.js",)
+    text = rendered(
+        "study.html.j2", scripts, images=True,
+        title=f"{study.heading}, {folder.resolve().name}", heading=study.heading, name=folder.resolve().name,
+        file=file, command=shlex.join(["fracid", *map(str, command)]), versions=environment.get("versions", {}),
+        ladder=ladder, shown=_shown(record), curves=bool(data), data=in_script(data), **vars(found),
+        figures=list(figures_of(folder, study)), texts=dict(_texts(folder, study.texts)),
+    )  # fmt: skip
+    write_files(folder, {page.name: text}, writing(f"The page {page}"))
     return page
 
 
@@ -293,25 +309,6 @@ def _record(folder: Path, file: str) -> dict[str, Any]:
     command = f"fracid {STUDIES[file].command}"
     missing = f"{{path.parent}} holds no {file}. Write it: {command}."
     return dict(read_as(folder / file, STUDIES[file].record, command, missing))
-
-
-def _page(folder: Path, file: str, study: Study, record: Mapping[str, Any]) -> str:
-    found, environment = study.found(record), read_if_whole(folder / ENVIRONMENT, EnvironmentBlock)
-    words, run = environment.get("command") or [], _run(folder)
-    integers = _integers(run)
-    for row in (row for rows in found.values.values() for row in rows if row["name"] in integers):
-        row["integer"] = integers[row["name"]]
-    command = words if words[:1] == [study.command] else [study.command, *_options(record, run)]
-    ladder = ladder_of(record) if file == "compare.json" else None
-    data = _curves(folder, record) if ladder else None
-    scripts = ("theme.js", "data.js", "uPlot.iife.min.js", "charts.js", "study.js") if data else ("theme.js",)
-    return rendered(
-        "study.html.j2", scripts, images=True,
-        title=f"{study.heading}, {folder.resolve().name}", heading=study.heading, name=folder.resolve().name,
-        file=file, command=shlex.join(["fracid", *map(str, command)]), versions=environment.get("versions", {}),
-        ladder=ladder, shown=_shown(record), curves=bool(data), data=in_script(data), **vars(found),
-        figures=list(figures_of(folder, study)), texts=dict(_texts(folder, study.texts)),
-    )  # fmt: skip
 
 
 def _options(record: Mapping[str, Any], run: Path | None) -> Iterator[str]:

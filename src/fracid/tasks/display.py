@@ -292,8 +292,7 @@ class _Events:
     def _counted(self, stage: _Stage) -> None:
         p, self._unwritten = stage.progress, False
         if p is not None:
-            numbers = {"done": p.done, "total": p.total, "earlier": p.earlier, "seconds": p.seconds, "rate": p.rate,
-                       "left": p.left}  # fmt: skip
+            numbers = {n: getattr(p, n) for n in ("done", "total", "earlier", "seconds", "rate", "left")}
             rounded = {k: round(v, 3) if isinstance(v, float) else v for k, v in numbers.items()}
             self._write({"event": "progress", "what": stage.what, **rounded, "best": p.best})
 

@@ -87,7 +87,7 @@ class Journal(AbstractContextManager["Journal"]):
             opened.enter_context(FolderLock(self.path.parent))
             with writing(str(self.path), "Give another folder: --out DIR."):
                 self._file = opened.enter_context(appended(self.path))
-            self.done, self.notes, self._end = _read(self.path, dict(study), self._file, fault)
+            self._read(dict(study), fault)
             self._synced = time.monotonic()
             if self._end == 0:
                 self._write(json.dumps({"journal": FORMAT, "study": study}, ensure_ascii=False, allow_nan=False))
@@ -98,6 +98,29 @@ class Journal(AbstractContextManager["Journal"]):
         with self._opened:
             if not self._file.closed:
                 self._sync()
+
+    def _read(self, study: dict[str, Json], fault: Callable[[str, Json], str]) -> None:
+        """Lines of an earlier process: what is done, what was repaired, and where the good part ends [bytes]."""
+        self.done, damaged, end = {}, list[int](), 0
+        for number, (text, end) in enumerate(whole_lines(self.path), 1):  # noqa: B007  (the last one's)
+            line = object_of(text)
+            if number == 1:
+                _check_study(self.path, line, json.loads(json.dumps(study)))
+            elif line is None or not isinstance(line.get("key"), str) or fault(line["key"], line.get("value")):
+                damaged += [number] * (len(damaged) <= TOLD)
+            else:
+                self.done.setdefault(line["key"], line.get("value"))
+        notes = []
+        if self.path.stat().st_size > end:
+            self._file.truncate(end)
+            fragment = (
+                f"The last line of {self.path} was cut off in writing and is removed; its repetition is done again."
+            )
+            notes += [fragment] * (end > 0)
+        if damaged:
+            numbers = ", ".join(map(str, damaged[:TOLD])) + ", ..." * (len(damaged) > TOLD)
+            notes.append(f"{self.path}: damaged lines ({numbers}) are passed over; their repetitions are done again.")
+        self.notes, self._end = tuple(notes), end
 
     def append(self, key: str, value: Json, seconds: float = 0.0) -> None:
         """Keep the result of one repetition.
@@ -211,31 +234,6 @@ def append_whole(file: RawIOBase, content: Sequence[bytes | memoryview], end: in
 def _cut_short(path: Path, error: OSError) -> Unfinished:
     why = "the disk is full" if error.errno in (errno.ENOSPC, errno.EDQUOT) else error.strerror
     return Unfinished(SAYS("not-written", path=path, why=why, resumable=resumable(path)))
-
-
-def _read(
-    path: Path, study: dict[str, Json], file: RawIOBase, fault: Callable[[str, Json], str]
-) -> tuple[dict[str, Json], tuple[str, ...], int]:
-    """Lines of an earlier process: what is done, what was repaired, and where the good part ends [bytes]."""
-    results: dict[str, Json] = {}
-    damaged, end = list[int](), 0
-    for number, (text, end) in enumerate(whole_lines(path), 1):  # noqa: B007  (the last one's)
-        line = object_of(text)
-        if number == 1:
-            _check_study(path, line, json.loads(json.dumps(study)))
-        elif line is None or not isinstance(line.get("key"), str) or fault(line["key"], line.get("value")):
-            damaged += [number] * (len(damaged) <= TOLD)
-        else:
-            results.setdefault(line["key"], line.get("value"))
-    notes = []
-    if path.stat().st_size > end:
-        file.truncate(end)
-        fragment = f"The last line of {path} was cut off in writing and is removed; its repetition is done again."
-        notes += [fragment] * (end > 0)
-    if damaged:
-        numbers = ", ".join(map(str, damaged[:TOLD])) + ", ..." * (len(damaged) > TOLD)
-        notes.append(f"{path}: damaged lines ({numbers}) are passed over; their repetitions are done again.")
-    return results, tuple(notes), end
 
 
 def _check_study(path: Path, header: dict[str, Json] | None, study: dict[str, Json]) -> None:

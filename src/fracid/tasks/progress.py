@@ -13,7 +13,7 @@ Tell = Callable[[Progress], None]
 
 
 def _unheard(*_: Any) -> None:
-    pass
+    """Nobody listens."""
 
 
 def _unseen(_what: str) -> AbstractContextManager[Tell | None]:

@@ -8,8 +8,9 @@ from __future__ import annotations
 import json
 import os
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -159,7 +160,8 @@ def run_comparison(
     study = study_of("compare", project, preset=project.preset, **same)
     _begin(folder, study, _command(project, out, options, executor) if command is None else command)
     watching.stage("fits")
-    with one_blas_thread(), journal_of(folder, study, _fault(project, options), watching, counted="fits") as kept:
+    fault = partial(_fault, project, leave_one_out)
+    with one_blas_thread(), journal_of(folder, study, fault, watching, counted="fits") as kept:
         comparison = compare(project, executor=executor, jobs=jobs, **kept, **options)
     record = comparison.to_json() | {"data_sha256": {r.name: r.sha256 for r in project.recordings}}
     return FinishedComparison.written(folder, record, of_comparison(comparison), watching, contents={
@@ -215,22 +217,17 @@ def _command(project: Project, out: str | Path | None, options: Mapping[str, Any
     return command_of("compare", project.path, {"out": out, **choices, **more, "trust": bool(project.own_code)})
 
 
-def _fault(project: Project, options: Mapping[str, Any]) -> Callable[[str, Any], str]:
+def _fault(project: Project, leave_one_out: bool, key: str, result: Any) -> str:
     """What is wrong with a result that the journal has."""
-    problem = project.problem
-    fitted, validation = ({e.name for e in those} for those in (problem.experiments, project.validation))
-
-    def fault(key: str, result: Any) -> str:
-        for start, kind in BESIDE.items():
-            if key.startswith(start):
-                return fault_of(result, kind)
-        there = fault_of_fitted(result, problem.outputs)
-        if there or options["leave_one_out"]:
-            return there
-        same = set(result["row"]["in_sample"]) == fitted and set(result["row"]["held_out"]) == validation
-        return "" if same else "of other recordings"
-
-    return fault
+    for start, kind in BESIDE.items():
+        if key.startswith(start):
+            return fault_of(result, kind)
+    there = fault_of_fitted(result, project.problem.outputs)
+    if there or leave_one_out:
+        return there
+    fitted, validation = ({e.name for e in those} for those in (project.problem.experiments, project.validation))
+    same = set(result["row"]["in_sample"]) == fitted and set(result["row"]["held_out"]) == validation
+    return "" if same else "of other recordings"
 
 
 def _begin(folder: Path, study: Mapping[str, Any], command: Sequence[str]) -> None:

@@ -103,18 +103,16 @@ def run_profiles(
         if is_coarse(problem):
             watching.notice(_note(problem))
         with watching.progress("points") as tell:
-            likelihood = profile(
-                problem, x, parameters=parameters, joint=joint, points=points, jobs=jobs, progress=tell
-            )
-        x = likelihood.x
+            found = profile(problem, x, parameters=parameters, joint=joint, points=points, jobs=jobs, progress=tell)
+        x = found.x
         watching.stage("intervals")
         precision = uncertainty(problem, x, jobs=jobs)
         watching.stage("bootstrap")
         resampling = precision if isinstance(precision, Failure) else bootstrap(problem, x, seed=seed, jobs=jobs)
         watching.stage("identifiability")
-        verdicts = identifiability(problem, x, precision, likelihood.profiles, jobs=jobs)
+        verdicts = identifiability(problem, x, precision, found.profiles, jobs=jobs)
         several = len(problem.experiments) > 1 and not isinstance(precision, Failure)
-        likelihood = _on_every_sample(likelihood, fitted)
+        likelihood = _on_every_sample(found, fitted)
         record = as_json(Likelihood, vars(likelihood) | {
             "intervals": _intervals(likelihood, precision, resampling),
             "identifiability": verdicts,

@@ -107,7 +107,7 @@ def read_mat(path: Path) -> Content:
             if head and not is_new:
                 _old_header(head, 0)  # before gigabytes of anything are read
             raw = head + file.read()
-        return _version5(raw, path) if is_new else _version4(raw)
+        return dict(_version5(raw, path) if is_new else _version4(raw))
     except _Damaged as error:
         raise damaged(path, "MATLAB file", error) from None
     except zlib.error as error:
@@ -149,8 +149,7 @@ class _Reader:
             start = after
 
 
-def _version5(raw: bytes, path: Path) -> Content:
-    variables: dict[str, _Variable] = {}
+def _version5(raw: bytes, path: Path) -> Iterator[tuple[str, _Variable]]:
     reader = _Reader(memoryview(raw), "<" if raw[126:128] == b"IM" else ">", path)
     room = 8 * most_numbers(len(raw))  # bytes that may be unpacked
     for kind, data in reader.elements(128):
@@ -160,8 +159,7 @@ def _version5(raw: bytes, path: Path) -> Content:
             raise _Damaged(f"an element of type {kind} where a variable should be")
         name, value = _matrix(replace(reader, raw=data))
         if name:  # one without a name is the storehouse of MATLAB's objects
-            variables[name] = value
-    return variables
+            yield name, value
 
 
 def _unpacked(packed: _Reader, room: int) -> tuple[memoryview, int]:
@@ -278,12 +276,11 @@ def _until_zero(raw: memoryview) -> str:
 # --- version 4 ------------------------------------------------------------------------------------------
 
 
-def _version4(raw: bytes) -> Content:
-    variables: dict[str, NDArray[np.generic] | LeftOut] = {}
+def _version4(raw: bytes) -> Iterator[tuple[str, _Variable]]:
     at = 0
     while at < len(raw):
-        name, variables[name], at = _old_matrix(raw, at)
-    return variables
+        name, value, at = _old_matrix(raw, at)
+        yield name, value
 
 
 def _old_header(raw: bytes, at: int) -> tuple[np.dtype[Any], int, int, int, int, int]:

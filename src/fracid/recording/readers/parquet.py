@@ -6,7 +6,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from fracid.errors import InputError
+from fracid.errors import installed
 from fracid.recording.readers.content import NO_NUMBERS, Content, reading, refuse_bomb, same_name
 
 
@@ -20,10 +20,8 @@ def read_parquet(path: Path) -> Content:
     DataError
         The file is damaged, or would unpack to more numbers than a recording has.
     """
-    try:
+    with installed("reading Parquet needs pyarrow: type pip install 'fracid[parquet]'"):
         from pyarrow import parquet
-    except ImportError as error:
-        raise InputError("reading Parquet needs pyarrow: type pip install 'fracid[parquet]'") from error
     limits = {"thrift_string_size_limit": 2**24, "thrift_container_size_limit": 2**20}
     with reading(path, "Parquet file"), parquet.ParquetFile(path, **limits) as file:
         return _columns(file, path)
@@ -40,8 +38,6 @@ def _columns(file: Any, path: Path) -> Content:
     # the sum of the groups' own: asking for a column's ends the process where its statistics are damaged (Arrow 26)
     groups = map(file.metadata.row_group, range(file.metadata.num_row_groups))
     refuse_bomb(path, sum(max(0, group.total_byte_size) for group in groups) / 8)
-    others: dict[str, Any] = {
-        n: same_name(count[n]) if count[n] > 1 else NO_NUMBERS for n in schema.names if n not in set(names)
-    }
+    others: dict[str, Any] = {n: same_name(times) if times > 1 else NO_NUMBERS for n, times in count.items()}
     table = file.read(columns=names, use_threads=False)
     return others | {name: table.column(name).to_numpy() for name in table.column_names if name in names}

@@ -24,6 +24,7 @@ import difflib
 import stat
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from os.path import isfile
 from pathlib import Path
 
@@ -128,27 +129,23 @@ def _nearby(path: Path) -> str:
     return f"did you mean {path.with_name(close[0])}?" if close else f"check the path; it leads to {path.resolve()}."
 
 
-def _one_table(read: Callable[[Path], Table]) -> Callable[[Path, str | None], Table]:
-    """Return the reader of a format that has no variables."""
-
-    def reader(path: Path, variable: str | None) -> Table:
-        if variable is not None:
-            raise InputError(f"{path.name} is one table: leave out the variable {variable!r} and choose columns.")
-        return read(path)
-
-    return reader
+def _one_table(read: Callable[[Path], Table], path: Path, variable: str | None) -> Table:
+    """Of a format that has no variables."""
+    if variable is not None:
+        raise InputError(f"{path.name} is one table: leave out the variable {variable!r} and choose columns.")
+    return read(path)
 
 
-def _arrays(read: Callable[[Path], Content]) -> Callable[[Path, str | None], Table]:
-    """Return the reader of a format that holds named arrays."""
-    return lambda path, variable: choose(read(path), variable, path)
+def _arrays(read: Callable[[Path], Content], path: Path, variable: str | None) -> Table:
+    """Of a format that holds named arrays."""
+    return choose(read(path), variable, path)
 
 
 def _json(path: Path, variable: str | None) -> Table:
     content, beside = read_json(path)
     said = ", ".join(f"{short_text(name)} = {short_text(v)}" for name, v in list(beside.items())[:SINGLES])
     notes = (f"Beside its samples it has {said}.",) if said else ()
-    return replace(_arrays(lambda _: content)(path, variable), notes=notes, beside=beside)
+    return replace(choose(content, variable, path), notes=notes, beside=beside)
 
 
 def _workbook(path: Path, variable: str | None) -> Table:
@@ -172,13 +169,13 @@ def _workbook(path: Path, variable: str | None) -> Table:
 
 
 READERS: dict[str, Callable[[Path, str | None], Table]] = {
-    **dict.fromkeys((".csv", ".tsv", ".txt", ".dat"), _one_table(read_text)),
-    ".mat": _arrays(lambda path: read_hdf5(path) if is_hdf5(path) else read_mat(path)),
-    ".npz": _arrays(read_npz),
-    ".npy": _arrays(read_npy),
-    **dict.fromkeys((".h5", ".hdf5"), _arrays(read_hdf5)),
-    ".parquet": _one_table(lambda path: choose(read_parquet(path), None, path)),
+    **dict.fromkeys((".csv", ".tsv", ".txt", ".dat"), partial(_one_table, read_text)),
+    ".mat": partial(_arrays, lambda path: read_hdf5(path) if is_hdf5(path) else read_mat(path)),
+    ".npz": partial(_arrays, read_npz),
+    ".npy": partial(_arrays, read_npy),
+    **dict.fromkeys((".h5", ".hdf5"), partial(_arrays, read_hdf5)),
+    ".parquet": partial(_one_table, lambda path: choose(read_parquet(path), None, path)),
     **dict.fromkeys((".json", ".jsonl"), _json),
-    **{ending: _arrays(read_by_package) for ending in FORMATS},
+    **{ending: partial(_arrays, read_by_package) for ending in FORMATS},
     ".xlsx": _workbook,
 }
