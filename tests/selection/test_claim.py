@@ -38,6 +38,14 @@ def test_an_alternative_that_does_as_well_makes_the_claim_integer_whatever_is_le
     assert claim_of(CLEAR, nearest(as_well=True), NOISE).reasons == ("A delay does as well.",)
 
 
+def test_an_order_that_is_hardly_known_is_undecided_where_an_alternative_does_as_well_and_not_far_better():
+    hardly = [OrderFound("q", 0.78, 0.2)]
+    claim = claim_of(hardly, replace(nearest(as_well=True), gain=-3.2), NOISE)
+    assert claim.claim == "undecided"
+    assert claim.reasons[1:] == ("q is not identifiable.", "To decide: longer recordings, or larger motions.")
+    assert claim_of(hardly, replace(nearest(as_well=True), gain=-120.0), NOISE).claim == "integer"
+
+
 def test_an_alternative_that_does_nearly_as_well_decides_nothing():
     claim = claim_of(CLEAR, replace(nearest(as_well=True), gain=7.4, settles=False), NOISE)
     assert claim.claim == "undecided"
@@ -61,6 +69,8 @@ def test_compare_is_named_only_where_the_model_has_what_it_would_look_for():
         ([OrderFound("mu", 0.9970, 0.0001)], "undecided"),  # off 1, by next to no damping
         ([OrderFound("mu", 0.9995, 0.0001)], "integer"),  # off 1, by less than solvers are
         ([OrderFound("mu", 0.9, 0.3)], "undecided"),  # not known
+        ([OrderFound("q", 1.0, 0.0, shown=(0.3, 1.0))], "undecided"),  # nor where a bound cuts the side of 1
+        ([OrderFound("q", 1.0, 0.0, shown=(0.95, 1.0))], "integer"),
         ([OrderFound("lambda", 1.0, math.inf), OrderFound("mu", 1.0, 0.01)], "integer"),  # one is not seen
         ([OrderFound("q", 0.5, 0.01, ())], "undecided"),  # an order that has no integer value
         ([], "undecided"),

@@ -195,6 +195,14 @@ def test_weights_are_continuous_in_the_order_at_one(family):
     np.testing.assert_allclose(above, at, atol=1e-7)
 
 
+def test_an_order_next_to_one_is_run_as_one():
+    def decay(t, x, u, p, out):
+        out[0] = -x[0]
+
+    below, one = (solve_fde(decay, q, [1.0], step=0.01, end=1.0).states for q in (np.nextafter(1, 0), 1.0))
+    np.testing.assert_allclose(below, one, rtol=1e-12)
+
+
 def test_weights_of_the_start_and_of_the_rest_integrate_a_constant_exactly():
     q, n = 0.7, 5_000
     kernel = full().kernel("pi", q, n)

@@ -99,6 +99,12 @@ class OrderFound:
     """Whether a coordinate and its rate have it, so that it acts like a damping ratio."""
 
     @property
+    def known(self) -> float:
+        """To within what it is known: the longer side of its interval, of which a bound may have cut the other."""
+        low, high = self.shown or (self.value - self.half, self.value + self.half)
+        return max(self.value - low, high - self.value)
+
+    @property
     def nearest(self) -> float:
         """The integer that it is nearest to."""
         return min(self.integers, key=lambda i: abs(self.value - i))
@@ -215,8 +221,11 @@ def claim_of(
     excluded = SAYS("not-excluded", element=SAYS("compared-springpot" if SPRINGPOT.rung in rungs else such))
     open_question = (*unexplained, *[excluded] * bool(unexplained), *coloured)
     if alternative is not None and any(t.as_well for t in alternative.trials):
-        if alternative.settles:
+        determined = alternative.gain <= -STRONG or any(order.known <= KNOWN for order in orders)
+        if alternative.settles and determined:
             return Claim("integer", (alternative.warning, *open_question))
+        if alternative.settles:
+            return _undecided(alternative.warning, _unknown(orders), *open_question, SAYS("decide-longer"))
         weak = EVEN < alternative.gain <= STRONG
         decides = SAYS("decide-longer") if weak and not unexplained else decides
         return _undecided(alternative.warning, SAYS("weak" if weak else "unsettled"), *open_question, decides)
@@ -253,11 +262,10 @@ def _undecided(*reasons: str) -> Claim:
 
 
 def _not_off(orders: Sequence[OrderFound], known: float) -> Claim:
-    determined = [order for order in orders if order.half <= known and order.integers]
+    determined = [order for order in orders if order.known <= known and order.integers]
     without = [order for order in orders if not order.integers]
     others = [order for order in orders if order not in (*determined, *without)]
-    names = " and ".join(letter(order.name) for order in others)
-    unknown = [f"{names} {'is' if len(others) == 1 else 'are'} not identifiable."] if others else []
+    unknown = [_unknown(others)] if others else []
     unknown += [SAYS("no-integer", order=order) for order in without]
     if not determined:
         return _undecided(*unknown)
@@ -266,6 +274,11 @@ def _not_off(orders: Sequence[OrderFound], known: float) -> Claim:
     which = " and ".join(dict.fromkeys(f"{order.nearest:g}" for order in inside))
     said = SAYS("inside", orders=" and ".join(map(str, inside)), which=which, s="s" * (len(inside) > 1))
     return Claim("integer", (*([said] if inside else []), *next_to, *unknown))
+
+
+def _unknown(orders: Sequence[OrderFound]) -> str:
+    names = " and ".join(letter(order.name) for order in orders)
+    return f"{names} {'is' if len(orders) == 1 else 'are'} not identifiable."
 
 
 def _too_little(off: Sequence[OrderFound], open_question: Sequence[str]) -> Claim:

@@ -190,8 +190,8 @@ def _low_end(a: float, sine: float, spacing: float, double: bool) -> tuple[Float
     power = Q ** np.arange(2 * LOW_NODES + 1)
     Q_n, rest = power[:LOW_NODES], 1 - A / Q * power  # 1 − A Q^(k−1)
     up = Q_n * rest[1 : LOW_NODES + 1] ** 2 / (rest[1::2] * rest[2::2])
-    down = A / Q * Q_n * (1 - Q_n) ** 2 / (rest[:-1:2] * rest[1::2])
-    s, vectors, _ = dstev(up + down, np.sqrt(up[:-1] * down[1:]))
+    down = A / Q * Q_n[1:] * (1 - Q_n[1:]) ** 2 / (rest[2:-1:2] * rest[3::2])  # none of the first, where A may be Q
+    s, vectors, _ = dstev(up + np.append(0.0, down), np.sqrt(up[:-1] * down))
     moments = [-sine * spacing / math.expm1(-spacing * (a + k)) for k in range(3)]
     omega = moments[p] * vectors[0] ** 2 / s**p
     return s, omega, moments[0] - sum(omega.tolist()), moments[1] - float(omega @ s) if double else 0.0
