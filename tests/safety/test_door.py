@@ -34,7 +34,6 @@ LASTS = {name.split(".")[-1] for name in OPENING} | BUILTIN
 ALLOWED = {
     "cli/app.py": {"webbrowser.open": "an address, for the browser"},
     "export/fmu.py": {"zipfile.ZipFile": "into memory"},
-    "export/whole.py": {"(files('fracid.export') / template).read_text": "a file of this package"},
     "models/written/reading.py": {"reach.builtins": "the names that a function refers to"},
     "models/written/languages.py": {"exec": "the text of a tree that a whitelist read: its own names and mathematics",
                                     "compile": "that text, under the name of the module that has it"},
