@@ -17,13 +17,15 @@ from fracid.estimation.windows import (
     chosen_window,
     closes_a_loop,
     dies,
+    in_parts,
     lengthened,
     piece,
     prediction,
     prediction_of,
     windowed,
 )
-from fracid.problem import Experiment, Free
+from fracid.problem import Experiment, Free, Problem
+from fracid.problem.costs import COSTS
 from fracid.quantiles import NORMAL_95
 from fracid.validation.discretisation import Discretisation
 
@@ -304,3 +306,19 @@ def test_an_interval_allows_for_what_the_step_moves_unless_that_is_little(stand)
     grown = {n: half_width(wider, x, i) / halves[n] for i, n in enumerate(problem.names) if n in TRUTH}
     assert grown["J"] == pytest.approx(math.hypot(1.0, 4 / 3 * 0.5 * NORMAL_95), rel=0.05)
     assert grown["b_angle"] == grown["coulomb_angle"] == 1.0
+
+
+@pytest.mark.parametrize("cost", ["iae", "ise", "itae", "itse"])
+def test_the_cost_of_a_residual_is_that_of_its_parts(cost):
+    """The weights of a part go on where those of the one before it end."""
+    swing = Experiment("swing", 1e-2, np.zeros((601, 2)), np.zeros((1, 1)))
+    problem = Problem(
+        fracid.rotary_pendulum("srv02-rotpen"), (swing,), {"lambda": 1.0, "mu": Free(1.0, 0.5, 1.2)},
+        {"b_alpha": Free(3e-4, 0.0, 1.0)}, cost_function=COSTS[cost],
+    )  # fmt: skip
+    parts = in_parts(in_parts(problem, 2, ["b_alpha"]), 2, ["b_alpha"]).experiments
+    (whole,), each = (
+        [COSTS[cost].value(e.weighed_at, np.ones_like(e.measured)) for e in of] for of in ((swing,), parts)
+    )
+    assert len(each) == 4
+    assert sum(each) == pytest.approx(whole, rel=0.01)  # but for the steps between them

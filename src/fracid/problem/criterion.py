@@ -92,7 +92,7 @@ class Criterion:
     def _joined(self, errors: list[FloatArray]) -> float:
         """The recordings' costs together, each by its weight."""
         cost, counts = self.cost_function, [e.weight * e.samples for e in self.experiments]
-        costs = [cost.value(e.time, r, e.scored) * (1 if cost.root else e.weight) for e, r in self._pairs(errors)]
+        costs = [cost.value(e.weighed_at, r, e.scored) * (1 if cost.root else e.weight) for e, r in self._pairs(errors)]
         return cost.join(costs, counts)
 
     def shares(self) -> list[float]:
@@ -122,7 +122,7 @@ class Criterion:
     @cached_property
     def _equal_weights(self) -> list[FloatArray]:
         shares, each = zip(self.experiments, self.shares(), strict=True), np.ones(len(self.outputs))
-        return [share**2 * np.outer(self.cost_function.weights(e.time, e.scored), each) for e, share in shares]
+        return [share**2 * np.outer(self.cost_function.weights(e.weighed_at, e.scored), each) for e, share in shares]
 
     def levels(self, errors: list[FloatArray]) -> dict[str, float]:
         """The level of each output's residual, rms [rad]."""
@@ -148,7 +148,7 @@ class Criterion:
 
     def _rows(self, x: FloatArray, errors: list[FloatArray]) -> FloatArray | None:
         """Rows for least squares: the samples', with ``noise`` one for each output's floor, one for each prior."""
-        recordings = [self.cost_function.rows(e.time, r, e.scored) for e, r in self._pairs(errors)]
+        recordings = [self.cost_function.rows(e.weighed_at, r, e.scored) for e, r in self._pairs(errors)]
         rows = [share * r for share, r in zip(self.shares(), recordings, strict=True) if r is not None]
         if not rows:
             return None

@@ -94,6 +94,8 @@ class Experiment(CardDisplay):
     """The recording, where this is a window of it (:mod:`fracid.estimation.windows`)."""
     begun: tuple[FloatArray, FloatArray] | None = None
     """Outputs and their slopes at the start of a window, as the samples on both sides of it show them."""
+    since: float = 0.0
+    """When this part of a recording begins, from its first sample on [s]: costs that weigh by the time count it."""
 
     def __post_init__(self) -> None:
         """Take arrays of numbers alone, of whatever package: a table of pandas, say; what is masked is none."""
@@ -180,6 +182,11 @@ class Experiment(CardDisplay):
         return np.arange(len(self.measured), dtype=np.float64) * self.step
 
     @property
+    def weighed_at(self) -> FloatArray:
+        """The times by which a cost may weigh, from the recording's first sample on [s], shape (n_samples,)."""
+        return self.since + self.time
+
+    @property
     def steps(self) -> int:
         """Steps of the grid from the first sample to the last, or just beyond it."""
         return len(self.measured) - 1 if self.times is None else _steps_to(float(self.times[-1]), self.step)
@@ -264,7 +271,7 @@ class Experiment(CardDisplay):
             inputs = self.inputs if len(whole) == 1 else np.column_stack(
                 [np.interp(grid, whole, u) for u in self.inputs.T])  # fmt: skip
         return replace(self, measured=self.measured[first:end], inputs=inputs, times=times, deviation=deviation,
-                       source=self.source_of(first, end))  # fmt: skip
+                       source=self.source_of(first, end), since=float(self.weighed_at[first]))  # fmt: skip
 
     def source_of(self, first: int, end: int) -> Experiment | None:
         """The part of the source that some samples, from `first` up to `end`, are means of."""

@@ -477,7 +477,7 @@ def _score(problem: Problem, e: Experiment, simulated: FloatArray | Failure) -> 
     fitted = dict(zip(problem.outputs, (e.measured - error).T, strict=True))
     fit = RecordingFit(e.name, "", e.time, measured, fitted=fitted, cost=0.0, initial={}, parameters={}, units=e.units,
                        scored=e.scored)  # fmt: skip
-    itae = {n: COSTS["itae"].value(e.time, error[:, [o]], e.scored) for o, n in enumerate(problem.outputs)}
+    itae = {n: COSTS["itae"].value(e.weighed_at, error[:, [o]], e.scored) for o, n in enumerate(problem.outputs)}
     return Score(fit.rmse, fit.fit_percent, itae)
 
 
