@@ -1,5 +1,7 @@
 """Recordings that once got a number that was wrong, each with what is right: fits as a newcomer types them."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 
@@ -65,3 +67,16 @@ def test_a_start_that_one_function_of_two_states_cannot_tell_is_refused_with_the
     record = Experiment("x", 0.05, run.states.sum(axis=1)[:, None], np.zeros((1, 0)))
     with pytest.raises(InputError, match="no output tells alone where a and b start"):
         Problem(model, (record,), {}, {"k": Free(0.4, 0.0, 5.0)}, initial_state="estimate")
+
+
+def test_a_first_sample_that_is_off_by_noise_alone_begins_where_the_model_does():
+    model = Model("tanks", tanks, ("a", "b"), (1.0, 1.0), {"level": level}, (),
+                  (Parameter("k", "1/s", 0.5, "flow", lower=0.0),), "", "a test")  # fmt: skip
+    noise = np.random.default_rng(3).standard_normal((200, 1))
+    for first, sd in ((0.3, 0.15), (0.3, 0.0)):
+        seen = np.linspace(0, 2, 200)[:, None] + sd * noise
+        seen[0] = first
+        record = Experiment("x", 0.05, seen, np.zeros((1, 0)))
+        asked = nullcontext() if sd else pytest.raises(InputError, match=r"level begins at 0\.3, and the model")
+        with asked:
+            Problem(model, (record,), {}, {"k": Free(0.4, 0.0, 5.0)}, initial_state="estimate")

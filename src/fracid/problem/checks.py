@@ -16,11 +16,13 @@ from fracid.problem.parametrisation import Parametrisation
 from fracid.problem.sensors import QUANTITIES
 from fracid.problem.simulator import Simulator
 from fracid.problem.unknowns import Free, Tied, ends_of, root_of, starting_value
+from fracid.signals.noise import noise_floor
 from fracid.solver.methods import METHODS
 from fracid.solver.right_hand_side import probe
 
-ELSEWHERE, PROBE = 0.05, 1e-6
-"""An output that is off at the start by this part of its range begins elsewhere; and the step of a derivative."""
+ELSEWHERE, CHANCE, PROBE = 0.05, 4.0, 1e-6
+"""An output that is off at the start by more than this part of its range, and than so many times its noise, begins
+elsewhere; and the step of a derivative."""
 
 ROWS = 50
 """Samples of a record that show the range of what is not measured."""
@@ -201,11 +203,11 @@ def _check_hidden_start(p: Parametrisation, e: Experiment) -> None:
         nudged = start.initial + PROBE * np.eye(len(states))
         slopes = (np.array([h(0.0, x, e.inputs[0], start.parameters) for x in nudged]) - at_start) / PROBE
         slopes[seen] = 0.0
-        if helped or not slopes.any() or abs(off) <= ELSEWHERE * size:
+        if helped or not slopes.any() or abs(off) <= max(ELSEWHERE * size, CHANCE * noise_floor(e.measured[:, k])):
             continue
         fastest = np.max(np.abs(np.diff(e.measured[:, k]))) / e.step
-        shown = np.flatnonzero(slopes).tolist()
-        ranges = {i: (off * slopes[i] / (slopes @ slopes), size / abs(slopes[i])) for i in shown}
+        nearest = off * slopes / (slopes @ slopes)
+        ranges = {i: (nearest[i], size / abs(slopes[i])) for i in np.flatnonzero(slopes).tolist()}
         rates = {j: i for i, j in p.model.rates.items() if i in ranges and j not in ranges}
         ranges |= {j: (0.0, fastest / abs(slopes[i])) for j, i in rates.items()}
         typed = typed_starts({states[i]: around for i, around in ranges.items()})
