@@ -304,6 +304,7 @@ def test_a_fall_from_upright_begins_at_a_turn_below_the_top(tmp_path):
     assert line.startswith("from = ")
     assert start < float(line.split()[2]) < start + 1.0
     assert "below the top: how it left that, a hair decides" in line
+    assert 'history = "measured"' in draft_project(written(tmp_path, alpha=falls), folder=tmp_path).text
 
 
 def test_a_simulation_that_begins_at_rest_begins_with_its_first_sample(tmp_path):
