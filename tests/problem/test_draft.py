@@ -304,7 +304,22 @@ def test_a_fall_from_upright_begins_at_a_turn_below_the_top(tmp_path):
     assert line.startswith("from = ")
     assert start < float(line.split()[2]) < start + 1.0
     assert "below the top: how it left that, a hair decides" in line
-    assert 'history = "measured"' in draft_project(written(tmp_path, alpha=falls), folder=tmp_path).text
+
+
+@pytest.mark.parametrize(
+    ("arm", "broken", "past"), [(True, False, True), (False, False, False), (True, True, False)], ids=lambda v: ""
+)
+def test_a_start_at_a_turn_has_the_samples_before_it_as_its_past(tmp_path, arm, broken, past):
+    start = 1.5
+    fall = np.where(TIME < 1, np.pi, np.pi * np.cos(np.pi * np.clip(TIME - 1, 0, 0.5)))
+    alpha = np.where(start > TIME, fall, -2.4 * np.exp(-0.15 * (TIME - start)) * np.sin(6.0 * (TIME - start)))
+    time = np.where(TIME > 0.3, TIME + 0.5 * broken, TIME)
+    path, table = tmp_path / "fall.csv", np.column_stack([time, alpha, 0.2 * alpha])[:, : 2 + arm]
+    np.savetxt(path, table, delimiter=",", header="t,alpha,theta"[: 13 if arm else 7], comments="", fmt="%.9g")
+    (tmp_path / "rig.toml").write_text(draft_project(path, folder=tmp_path).text, encoding="utf-8")
+    e = fracid.load_project(tmp_path / "rig.toml").problem.experiments[0]
+    assert e.start > start
+    assert (e.past is not None) == past
 
 
 def test_a_simulation_that_begins_at_rest_begins_with_its_first_sample(tmp_path):

@@ -28,6 +28,9 @@ let go near upright         a turn of the swing well below: how it left the top,
 set swinging by hand        the turn from which on the swing decays evenly: the hand is off
 driven, or at rest          its first sample
 =========================== =============================================================================
+
+Where it begins at a turn below the top, the samples before it are its past, unless they are broken, uneven or without
+the arm.
 """
 
 from __future__ import annotations
