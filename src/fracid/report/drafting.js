@@ -49,7 +49,8 @@ const Drafting = (() => {
 
   // The unit of a column as a signal of this SI unit.
   function unitOf(table, column, of, units) {
-    const ways = table.names[column].split("_"), suffix = ways.slice(1).map((_, k) => ways.slice(k + 1).join("_")).find(end => spelled(units.signal, end) && (end.length > 1 || end === end.toUpperCase()));
+    const ways = table.names[column].split("_"), isUnit = end => spelled(units.signal, end) && (end.length > 1 || end === end.toUpperCase());
+    const suffix = ways.slice(1).map((_, k) => ways.slice(k + 1).join("_")).find((end, k) => isUnit(end) && ways[k] !== "per" && !(k > 0 && isUnit(ways[k])));
     const said = spelled(units.signal, table.units[column] || suffix || "");
     if (said && units.signal[said].of === of) return { unit: said, counts: 4096 };
     const y = table.columns[column].filter(Number.isFinite), range = spread(y);
