@@ -500,6 +500,36 @@ def test_a_clock_that_is_named_by_its_unit_is_in_it(tmp_path, name):
     assert f"Time is in ms, as its name {name!r} says." in recording.report.reading
 
 
+@pytest.mark.parametrize(
+    ("name", "unit", "seconds"),
+    [("hours", "h", 3600), ("hour", "h", 3600), ("minutes", "min", 60), ("elapsed_minutes", "min", 60),
+     ("days", "d", 86400), ("time_d", "d", 86400), ("time [d]", "d", 86400)],
+)  # fmt: skip
+def test_a_clock_in_minutes_hours_or_days_is_read_in_seconds(tmp_path, name, unit, seconds):
+    recording = load_recording(_csv(tmp_path, **{name: TIME, "alpha": ALPHA}))
+    assert recording.time[-1] == pytest.approx(seconds * TIME[-1])
+    assert any(line.startswith((f"Time is in {unit}", f"Time is taken from {name!r} [{unit}]"))
+               for line in recording.report.reading)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["h", "d"])
+def test_one_letter_alone_says_no_unit_of_time(tmp_path, name):
+    assert load_recording(_csv(tmp_path, **{name: TIME, "alpha": ALPHA})).time[-1] == pytest.approx(TIME[-1])
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "unit"),
+    [("force_N", 1.0, "N"), ("theta_1_deg", np.pi / 180, "rad"), ("q_1/mrad", 1e-3, "rad"), ("v_mm/s", 1e-3, "m/s"),
+     ("tau_m_mNm", 1e-3, "N m"), ("acc_x_mg", 9.80665e-3, "m/s^2"), ("a (g)", 9.80665, "m/s^2"),
+     *((n, 1.0, "rad") for n in ("strain_per_kPa", "speed_per_mV", "force_N_per_mm", "k_N/mm", "J in 1/MPa",
+                                 "dose_mg", "dose_mg/kg", "delay_ms/kPa"))],
+)  # fmt: skip
+def test_a_unit_is_taken_from_a_name_but_not_from_a_quotient_or_a_mass(tmp_path, name, factor, unit):
+    recording = load_recording(_csv(tmp_path, t=TIME, **{name: ALPHA}))
+    assert recording.units == {name: unit}
+    np.testing.assert_allclose(recording.signals[name], factor * ALPHA, rtol=1e-6)
+
+
 def test_rows_without_a_time_stamp_are_left_out_and_said(tmp_path):
     time = TIME.copy()
     time[::3] = np.nan

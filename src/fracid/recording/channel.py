@@ -36,8 +36,17 @@ UNITS: dict[str, tuple[float, str]] = {n: (row["factor"], row["of"]) for n, row 
 SPELLINGS = {other: n for n, row in TABLES["signal"].items() for other in row.get("also", ())}
 """Other spellings of units in headers."""
 
+UNIT_WORDS = frozenset(w for kind in TABLES.values() for n, row in kind.items() for w in (n, *row.get("also", ())))
+"""All words of units, of time too."""
+
+GAP = re.compile(r"\s*(_(?!([a-z]|\d+)$)|/|\bin\b)\s*")
+"""Between a name and its unit: one small letter or a number behind a line is an index."""
+
 COUNTING = frozenset({"counts", "count", "cnt", "cnts", "ticks", "tick", "pulses", "increments", "inc"})
 """Units of headers that are counts of an encoder."""
+
+ACCELERATION = re.compile(r"accel|beschl|acc[xyz]?([^a-z]|$)|(^|[^a-z])a[xyz]?([^a-z]|$)")
+"""A column that is named like an acceleration: only there g and mg are no masses."""
 
 
 @dataclass(frozen=True)
@@ -112,10 +121,8 @@ class Channel:
         >>> Channel.of({"column": 2, "unit": "deg"}).unit
         'deg'
         """
-        if isinstance(spec, Channel):
-            return spec
         if not isinstance(spec, Mapping):
-            return cls(spec)
+            return spec if isinstance(spec, Channel) else cls(spec)
         refuse_unknown(f"field of {name}", [f.name for f in fields(cls)], *spec)
         if "column" not in spec:
             raise InputError(f"{name}: no column given; type e.g. {name} = {{ column = 1 }}.")
@@ -196,29 +203,30 @@ def si_unit(word: str) -> str:
     return word if word in (of for _, of in UNITS.values()) else "1"
 
 
-def header_unit(word: str) -> str | None:
-    """Return the unit that a header's word means, None if it means none of ``UNITS``."""
-    unit = SPELLINGS.get(word, word)
-    return unit if unit in UNITS and unit not in ("1", "counts") else None
+def header_unit(word: str, name: str = "") -> str | None:
+    """Return the unit that a header's word means behind a name, None if it means none of ``UNITS``."""
+    unit, mass = SPELLINGS.get(word, word), word in ("g", "mg") and not ACCELERATION.search(name.lower())
+    return unit if unit in UNITS and unit not in ("1", "counts") and not mass else None
 
 
-def unit_in_name(name: str) -> str:
-    """The unit that a column's name ends in, ``force_N``, ``tau / mNm``, ``phi in deg``; "" for none.
+def name_and_unit_behind(name: str) -> tuple[str, str]:
+    """A column's name, and the unit that it ends in, ``force_N``, ``tau / mNm``, ``phi in deg``; "" for none.
+
+    What divides by a unit is in a quotient, which is none: ``strain_per_kPa``, ``k_N/mm``.
 
     Examples
     --------
-    >>> [unit_in_name(n) for n in ("displacement_mm", "gyro_z_deg_s", "tau / mNm", "phi in deg", "theta_m", "phi")]
+    >>> [name_and_unit_behind(n)[1] for n in ("x_mm", "gyro_z_deg_s", "tau / mNm", "phi in deg", "theta_m", "phi")]
     ['mm', 'deg_s', 'mNm', 'deg', '', '']
+    >>> [name_and_unit_behind(n)[1] for n in ("strain_per_kPa", "k_N/mm", "c in 1/MPa", "q_1/rad", "acc_mg", "dose_mg")]
+    ['', '', '', 'rad', 'mg', '']
     """
-    return _parted(name)[1]
-
-
-def _parted(name: str) -> tuple[str, str]:
-    """A column's name, and the unit that it ends in: one small letter behind a line is an index."""
-    for gap in re.finditer(r"\s*([_/]|\bin\b)\s*", name):
-        end = name[gap.end() :]
-        if header_unit(end) and not (gap[1] == "_" and len(end) == 1 and end.islower()):
-            return name[: gap.start()], end
+    for gap in GAP.finditer(name):
+        stem, end = name[: gap.start()], name[gap.end() :]
+        if header_unit(end, name):
+            before = (stem[g.end() :] for g in GAP.finditer(stem))
+            quotient = any(word in UNIT_WORDS or word.lower() == "per" for word in before)
+            return (name, "") if quotient else (stem, end)
     return name, ""
 
 
@@ -230,7 +238,7 @@ def without_unit(name: str) -> str:
     >>> [without_unit(n) for n in ("u [V]", "u_V", "q/rad", "theta_m")]
     ['u', 'u', 'q', 'theta_m']
     """
-    return _parted(re.sub(r"\s*[\[(].*", "", name))[0]
+    return name_and_unit_behind(re.sub(r"\s*[\[(].*", "", name))[0]
 
 
 def _rest(value: FloatArray, name: str) -> float:

@@ -40,7 +40,7 @@ SECONDS: dict[str, float] = {n: row["factor"] for n, row in TABLES["time"].items
 TIME_SPELLINGS = {other: n for n, row in TABLES["time"].items() for other in row.get("also", ())}
 """Other spellings of units of time in headers."""
 
-TIME_NAME = re.compile(r"(^|[^a-z])(t|time|timestamp|stamp|seconds?|secs?|zeit)([^a-z]|$)")
+TIME_NAME = re.compile(r"(^|[^a-z])(t|time|timestamp|stamp|elapsed|seconds?|secs?|zeit)([^a-z]|$)")
 """A column that is named like time."""
 
 RATE_NAME = re.compile(r"sampl\w*[ _-]*(rate|freq)|^fs$|rate[ _-]*hz")
@@ -141,11 +141,12 @@ def _unit_of_date(ticks: FloatArray) -> str:
 
 
 def _name_unit(name: str) -> str:
-    """The unit that a name of time ends in, ``t_ns`` or ``timeMs``, or is, ``ms``; "" for none."""
+    """The unit that a name of time ends in, ``t_ns`` or ``timeMs``, or is, ``ms`` or ``hours``; "" for none."""
     parted = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name[-LONGEST_NAME:]).lower()
     *head, end = re.findall(r"[^\W\d_]+", parted) or [""]
     unit = TIME_SPELLINGS.get(end, end)
-    of_time = TIME_NAME.search(" ".join(head)) if head else SECONDS.get(unit, 1.0) < 1.0  # h is a height, too
+    # alone h is a height, too
+    of_time = TIME_NAME.search(" ".join(head)) if head else end in TIME_SPELLINGS or SECONDS.get(unit, 1.0) < 1.0
     return unit if unit in SECONDS and of_time else ""
 
 

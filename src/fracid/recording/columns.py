@@ -20,7 +20,7 @@ import numpy as np
 from fracid.arrays import BoolArray, FloatArray
 from fracid.errors import DataError, InputError, brief
 from fracid.findings import Finding, Note, Words
-from fracid.recording.channel import COUNTING, UNITS, Channel, Specs, header_unit, unit_in_name
+from fracid.recording.channel import COUNTING, UNITS, Channel, Specs, header_unit, name_and_unit_behind
 from fracid.recording.clock import CLOCK_STAMP, short_text, unevenness
 from fracid.recording.readers.arrays import SINGLE
 from fracid.recording.readers.content import TEXT
@@ -93,14 +93,14 @@ NO_ANGLE = re.compile(r"[/^²³%]|^[kMmµn]?(W|J|K|Pa|bar|Hz|F|H|C|g|L|l|Ohm|Ω)
 
 def unit_of_header(table: Table, column: int) -> str | None:
     """The unit that a header says of a column; None if it says none that a channel has."""
-    return header_unit(table.units[column] or unit_in_name(table.names[column]))
+    return header_unit(table.units[column] or name_and_unit_behind(table.names[column])[1], table.names[column])
 
 
 def channel_with_unit(table: Table, name: str, channel: Channel, guessed: bool) -> tuple[Channel, str | Finding | None]:
     """Return the channel with a unit (its own, the header's, or rad), and what is to be said of that."""
     column, counts = table.find(channel.column), channel.counts_per_turn
-    header = table.units[column] or unit_in_name(table.names[column])
-    counting, unit = header.lower() in COUNTING, header_unit(header)
+    header = table.units[column] or name_and_unit_behind(table.names[column])[1]
+    counting, unit = header.lower() in COUNTING, unit_of_header(table, column)
     if counts is not None and channel.unit != "counts":
         if channel.unit is not None or not counting:
             raise InputError(SAYS("counts-without-unit", name=name, counts=counts, unit=channel.unit or "not given"))

@@ -23,7 +23,7 @@ import numpy as np
 from fracid.arrays import BoolArray, FloatArray
 from fracid.errors import DataError, InputError, brief
 from fracid.findings import Finding
-from fracid.recording.channel import COUNTING, SAYS, Channel, Specs, constant, header_unit, measurable
+from fracid.recording.channel import COUNTING, SAYS, Channel, Specs, constant, measurable
 from fracid.recording.clock import read_clock, short_text, unrolled
 from fracid.recording.columns import channel_with_unit, choose_channels, hold_blanks, refuse_shared, unit_of_header
 from fracid.recording.faults import still
@@ -235,7 +235,7 @@ def _left_out(table: Table, rows: BoolArray, channels: Mapping[str, Channel], ti
     left = [j for j, name in enumerate(table.names) if j not in taken and is_angle(name)]
     dead = [j for j in left if rows.any() and np.ptp(table.values[rows, j]) == 0.0]
     for j in dead:
-        channel, name = Channel(j, unit=header_unit(table.units[j]) or "1"), table.names[j]  # a number if nothing says
+        channel, name = Channel(j, unit=unit_of_header(table, j) or "1"), table.names[j]  # a number if nothing says
         yield still(name, float(channel.convert(table.values[rows, j][:1].copy(), name)[0]), channel.signal_unit)
 
 

@@ -3,7 +3,7 @@
 
 const Drafting = (() => {
   const RATE = /dot|veloc|speed|rate|^d_|deriv|accel|^q?dq?d|^qd|stamp|offset|temp|^v_?\d*$/;
-  const TIME = /(^|[^a-z])(t|time|timestamp|stamp|seconds?|secs?|zeit)([^a-z]|$)/;
+  const TIME = /(^|[^a-z])(t|time|timestamp|stamp|elapsed|seconds?|secs?|zeit)([^a-z]|$)/;
   const NAMELESS = /^(col(umn)?|ch(annel)?|sig(nal)?|data|var|val(ue)?|sensor|adc|enc(oder)?|[a-z])?[ _:.-]*\d*$/;
   const FALLING = [0.02, 0.15];                          // of the way to the fastest motion
   const JITTER = 0.02, FEW = 20000;                      // of half of the steps, of the step: they are no grid; in so few samples
@@ -41,7 +41,7 @@ const Drafting = (() => {
     const rising = table.columns.map(y => { let last = -Infinity, up = 0; for (const v of y) { if (v > last) { up++; last = v; } } return up > 0.9 * table.rows && table.rows > 2; });
     const titled = table.names.findIndex((name, c) => rising[c] && TIME.test(name.toLowerCase().replace(/_/g, " "))), column = titled >= 0 ? titled : rising.indexOf(true);
     if (column < 0) return { column: null, unit: "s", rate: 100 };
-    const suffix = table.names[column].toLowerCase().split(/[_ ]/).at(-1), unit = table.units[column] || (suffix in units.time ? suffix : "");
+    const suffix = table.names[column].toLowerCase().split(/[_ ]/).at(-1), unit = table.units[column] || suffix;
     return { column, unit: spelled(units.time, unit) || "s", rate: null };
   }
 
@@ -49,7 +49,8 @@ const Drafting = (() => {
 
   // The unit of a column as a signal of this SI unit.
   function unitOf(table, column, of, units) {
-    const ways = table.names[column].split("_"), suffix = ways.slice(1).map((_, k) => ways.slice(k + 1).join("_")).find(end => spelled(units.signal, end) && (end.length > 1 || end === end.toUpperCase()));
+    const ways = table.names[column].split("_"), isUnit = end => spelled(units.signal, end) && (end.length > 1 || end === end.toUpperCase());
+    const suffix = ways.slice(1).map((_, k) => ways.slice(k + 1).join("_")).find((end, k) => isUnit(end) && ways[k] !== "per" && !(k > 0 && isUnit(ways[k])));
     const said = spelled(units.signal, table.units[column] || suffix || "");
     if (said && units.signal[said].of === of) return { unit: said, counts: 4096 };
     const y = table.columns[column].filter(Number.isFinite), range = spread(y);

@@ -19,15 +19,14 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError
-from fracid.recording.channel import TABLES
+from fracid.recording.channel import UNIT_WORDS
 from fracid.recording.readers.content import EMPTY, Content, LeftOut, refuse_bomb, seconds
 from fracid.safety.text import ascii_short
 
 Array = NDArray[np.generic]
 
-WORDS = sorted({word for kind in TABLES.values() for n, row in kind.items() for word in (n, *row.get("also", ()))})
 
-AFTER_COMMA = rf",\s*({'|'.join(map(re.escape, WORDS))})\s*$"
+AFTER_COMMA = rf",\s*({'|'.join(map(re.escape, sorted(UNIT_WORDS)))})\s*$"
 """A unit in a name that was quoted for its comma."""
 
 SINGLE = "is a single number"
@@ -194,7 +193,7 @@ def is_unit(word: str) -> bool:
     >>> is_unit("ms"), is_unit("(°)"), is_unit("theta [deg]")
     (True, True, False)
     """
-    return bool({word, word.lower()} & {*WORDS}) or (word[:1] in ("[", "(") and word[-1] in "])")
+    return bool({word, word.lower()} & UNIT_WORDS) or (word[:1] in ("[", "(") and word[-1] in "])")
 
 
 def _nothing(path: Path, left_out: Mapping[str, str]) -> str:
