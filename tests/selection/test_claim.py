@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import fracid
 from fracid.safety.schema import as_json, record_of
-from fracid.selection.claim import FLOOR, OrderFound, claim_of
+from fracid.selection.claim import FLOOR, OrderFound, claim_of, of_model
 from fracid.selection.integer_rival import Alternative, Trial
 from fracid.signals.left_over import LeftOver, left_over
 
@@ -60,6 +61,13 @@ def test_compare_is_named_only_where_the_model_has_what_it_would_look_for():
         orders = [OrderFound("q", q, 0.01, rungs=frozenset(rungs)) for q in (0.9, 1.0)]
         said = [" ".join(claim_of([order], None, MISFIT).reasons) for order in orders]
         assert ["fracid compare" in reasons for reasons in said] == named
+
+
+def test_zero_is_an_integer_of_every_order():
+    e = fracid.Experiment("still", 0.1, np.zeros((9, 1)), np.zeros((1, 1)))
+    problem = fracid.Problem(fracid.model("pendulum"), (e,), {"mu": fracid.Free(0.5, 1e-6, 1.0)})
+    order = OrderFound("mu", 1e-6, 0.001, **of_model(problem, "mu"))
+    assert claim_of([order], None, NOISE).claim == "integer"
 
 
 @pytest.mark.parametrize(

@@ -347,7 +347,7 @@ def is_off(problem: Problem, order: str, value: float, half: float) -> bool:
 
 
 def integers_of(problem: Problem, order: str) -> tuple[float, ...]:
-    """Where an order is none: of a springpot a spring and a dashpot, else what the model says; empty where it has none.
+    """Where an order is none: at 0 and at what the model says, of a springpot 1; empty where it has none.
 
     Examples
     --------
@@ -356,12 +356,12 @@ def integers_of(problem: Problem, order: str) -> tuple[float, ...]:
     >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
     >>> problem = Problem(fracid.rotary_pendulum(), (still,), {"lambda": 1.0, "mu": 1.0})
     >>> integers_of(problem, "mu"), integers_of(problem, "springpot_order_alpha")
-    ((1.0,), (0.0, 1.0))
+    ((0.0, 1.0), (0.0, 1.0))
     """
     if order not in problem.orders or order in problem.model.springpot_orders.values():
         return (0.0, 1.0)
     integer = problem.model.integer_order(order)
-    return () if integer is None else (integer,)
+    return () if integer is None else (0.0, integer)
 
 
 def integer_values(problem: Problem) -> dict[str, Value]:
