@@ -14,7 +14,9 @@ from fracid.models import MODELS
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem import problem as of_problem
 from fracid.solver import lanes, solve
+from fracid.solver.arguments import Equation, InitialCondition, Options, Relaxations
 from fracid.solver.history import inline
+from fracid.solver.memory import compressed
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.tasks.simulation_cache import Recent
 
@@ -152,6 +154,20 @@ def test_orders_on_both_sides_of_1_go_in_one_loop(monkeypatch):
     assert len(stepped) == 8 // lanes.COUNT
     assert all(states is not None for states in stepped)
     assert all(abs(together[k].states - p.simulate(x, e).states).max() < 1e-11 for k, x in enumerate(points))
+
+
+def test_finite_memories_go_together_where_some_hold_nothing_at_the_start():
+    rhs, u, p = compile_rhs(RIG.rhs), np.zeros((1, 1)), RIG.parameter_vector(None)
+    options = Options("pi2", compressed())
+    posed = [
+        (Equation(rhs, np.ones(4), u, p, fading=(Relaxations(3, (0.9, 0.3), (0.2,), (held,)),)),
+         InitialCondition(np.array([0.0, 0.0, 1.0, 0.0])))
+        for held in (0.0, 0.1, 0.2)
+    ]  # fmt: skip
+    together = solve.integrate_all(posed, 2e-3, 1000, options, wanted=range(3))
+    for k, one in enumerate(posed):
+        alone = solve.integrate(*one, 2e-3, 1000, options)
+        np.testing.assert_allclose(together[k].states, alone.states, rtol=1e-10, atol=1e-12)
 
 
 def test_what_a_resumed_fit_knows_already_changes_no_bit_of_the_rest(monkeypatch):

@@ -371,7 +371,7 @@ def begun(rhs: int, runs: Sequence[Run], family: str) -> list[Start]:
 def _uncorrected(run: Run) -> Start:
     """A start with nothing to correct but what finite memories hold."""
     knots, parabolas = np.array([0, 1, 2**62]), np.zeros((1, len(run.orders), 3))
-    if np.any(run.fading[:, 4::3]):
+    if len(run.fading):
         knots = knots_up_to(len(run.past) + run.steps + 7)
         parabolas = _parabolas(knots, _held(run, knots))
     return Start(run.past, run.past[0].copy(), 0, knots, parabolas)
