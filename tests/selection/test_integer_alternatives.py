@@ -11,14 +11,16 @@ from fracid.estimation.horizons import Watch, refined
 from fracid.estimation.windows import in_parts
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.sensors import Sensor
+from fracid.selection.bic import STRONG
 from fracid.selection.integer_alternatives import (
     ELEMENTS,
     _inputs,
     _on_the_same_samples,
+    _tried,
     fitted_with,
     integer_alternatives,
 )
-from fracid.selection.integer_rival import claimable, integer_rival
+from fracid.selection.integer_rival import Rival, claimable, integer_rival
 from twins import release
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
@@ -158,6 +160,18 @@ def test_friction_that_changes_from_part_to_part_is_followed_by_orders_1_to_the_
     parts = in_parts(problem, 3, list(FRICTION))
     assert best.cost > 3e-3
     assert refined(parts, parts.start, Watch()).best.cost == pytest.approx(8e-4, rel=0.1)
+
+
+@pytest.mark.broad
+def test_friction_of_each_part_pays_for_its_unknowns_where_it_costs_as_little():
+    problem, best = fitted(swing())
+    ones = replace(problem, orders=dict.fromkeys(BOTH, 1.0))
+    parts = in_parts(ones, 3, list(FRICTION))
+    end = refined(parts, parts.start, Watch()).best
+    assert end.cost < best.cost
+    _, trial = _tried("friction that changes", Rival(parts, end, "every order 1", {}), problem, best)
+    assert trial.gain > STRONG
+    assert not trial.as_well
 
 
 @pytest.mark.broad

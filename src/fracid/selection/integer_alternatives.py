@@ -293,8 +293,9 @@ def _of_the_project(
 def _tried(name: str, rival: Rival, problem: Problem, best: Evaluation) -> tuple[float, Trial]:
     """The samples that residuals are worth, and whether a model of integer order does as well as a fractional fit."""
     samples, gain = gain_over(rival, problem, best)
-    cost, larger = rival.evaluation.cost, not rival.nested and len(rival.problem.names) > len(problem.names)
-    same = not larger and cost <= (1 + SAME) * best.cost
+    cost, more = rival.evaluation.cost, len(rival.problem.names) - len(problem.names)
+    another = not rival.nested or len(rival.problem.experiments) > len(problem.experiments)  # or in parts
+    same = not (another and more > 0) and cost <= (1 + SAME) * best.cost
     return samples, Trial(name, cost, gain, as_well=gain <= STRONG or same, as_good=gain <= EVEN or same)
 
 
