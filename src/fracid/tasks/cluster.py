@@ -7,7 +7,6 @@ repeat; a lost scheduler, or none of its workers for a minute, ends the study, w
 
 from __future__ import annotations
 
-import asyncio
 import logging
 import pickle
 import queue
@@ -109,8 +108,10 @@ class _Ends:
 
     def results(self, futures: list[Any]) -> list[Any]:
         """Their results; where a worker is lost before it has given its own, Dask waits for it, or for another's."""
+        from asyncio import run_coroutine_threadsafe  # here: 40 ms, which no other command needs
+
         gathered = self._client.gather(futures, asynchronous=True)
-        fetched = asyncio.run_coroutine_threadsafe(gathered, self._client.loop.asyncio_loop)
+        fetched = run_coroutine_threadsafe(gathered, self._client.loop.asyncio_loop)
         try:
             while not wait([fetched], IDLE).done:
                 self._look()
