@@ -17,7 +17,7 @@ from fracid.errors import DataError, InputError, entry_of, unknown_name
 from fracid.findings import Words
 from fracid.models import MODELS, RIGS, model_from_name, rotary_pendulum
 from fracid.models.library import MODEL as LIBRARY
-from fracid.problem.experiment import refuse_other_dimensions
+from fracid.problem.experiment import held_inputs, refuse_other_dimensions
 from fracid.recording import Recording, inspect_recording, load_recording
 from fracid.recording.channel import si_unit
 from fracid.recording.writing import WRITERS, save_recording
@@ -159,8 +159,8 @@ def driven(twin: Twin, file: Path, channel: Mapping[str, Any], *, to_its_end: bo
     refuse_other_dimensions(read, twin.model, ())
     times = read.time - read.time[0]
     last = {"end": float(times[-1])} if to_its_end else {}
-    held = {inputs[0]: "hold"} if read.units[inputs[0]] == "V" else {}
-    return twin.changed(inputs={inputs[0]: (times, read.signals[inputs[0]])}, between=held, **last)
+    between = {**held_inputs(read.units, twin.model), **twin.between}
+    return twin.changed(inputs={inputs[0]: (times, read.signals[inputs[0]])}, between=between, **last)
 
 
 def simulate_twin(
