@@ -546,7 +546,7 @@ class _PendulumPage:
     def inertia(self, name: str) -> str:
         """The line of an inertia: of a pendulum whose arm stands still from its period, else the rig's."""
         own = self._inertia if name == "C1" and not self.arm else self.own[name] * self._slower
-        start = self.starts.get(name, own)
+        start = abs(self.starts.get(name, own))  # a coupling below 0 is of angles that count in two directions
         return toml_range(name, start, start / SPAN, start * SPAN, comment=self.meaning(name))
 
     def meaning(self, name: str) -> str:

@@ -88,7 +88,8 @@ def write_draft(
     if not costs[1] < costs[0]:
         return draft
     _written(begun, target)
-    return replace(begun, notes=(*begun.notes, "The constants begin where a linear regression has them."))
+    but = ", C3 but for its sign: alpha or theta may count the other way" if starts.get("C3", 0.0) < 0.0 else ""
+    return replace(begun, notes=(*begun.notes, f"The constants begin where a linear regression has them{but}."))
 
 
 def chosen_model(files: Sequence[Path], columns: Mapping[str, Any] | None, **options: Any) -> str:
@@ -140,6 +141,7 @@ def _regressed(problem: Problem) -> dict[str, float] | None:
 
 
 def _wide(name: str, free: Free) -> Free:
-    """A range that no motor is beyond, on either side for its direction."""
+    """A range that no motor is beyond; on either side for its direction, and for the coupling of angles that differ in
+    theirs."""
     far = 100 * max(abs(free.lower), abs(free.upper))
-    return replace(free, lower=-far if name == MOTOR else 1e-2 * free.lower, upper=far)
+    return replace(free, lower=-far if name in (MOTOR, "C3") else 1e-2 * free.lower, upper=far)
