@@ -85,6 +85,9 @@ BRIDGED = 0.25
 MOTOR = "torque_per_volt"
 """What an input is seen by."""
 
+COUPLING = "C3"
+"""What an angle that counts the other way reverses."""
+
 BEGUN = ("C1", "C3", "C6", "J_theta", "b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha", "cable_stiffness", MOTOR)
 """The constants that a draft may be told to begin with."""
 

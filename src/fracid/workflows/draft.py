@@ -19,7 +19,7 @@ from fracid.estimation.horizons import horizons
 from fracid.models.base import ZEROS
 from fracid.models.library import MODEL
 from fracid.problem import Free, Problem
-from fracid.problem.draft import BEGUN, MOTOR, Draft, draft_project
+from fracid.problem.draft import BEGUN, COUPLING, MOTOR, Draft, draft_project
 from fracid.problem.model_draft import draft_of_model
 from fracid.problem.project import Project, project_from_text
 from fracid.problem.roles import ROTARY, likely_models, model_of_columns, named_columns
@@ -88,7 +88,7 @@ def write_draft(
     if not costs[1] < costs[0]:
         return draft
     _written(begun, target)
-    but = ", C3 but for its sign: alpha or theta may count the other way" if starts.get("C3", 0.0) < 0.0 else ""
+    but = f", {COUPLING} but for its sign: alpha or theta may count the other way" * (starts.get(COUPLING, 0.0) < 0.0)
     return replace(begun, notes=(*begun.notes, f"The constants begin where a linear regression has them{but}."))
 
 
@@ -144,4 +144,4 @@ def _wide(name: str, free: Free) -> Free:
     """A range that no motor is beyond; on either side for its direction, and for the coupling of angles that differ in
     theirs."""
     far = 100 * max(abs(free.lower), abs(free.upper))
-    return replace(free, lower=-far if name in (MOTOR, "C3") else 1e-2 * free.lower, upper=far)
+    return replace(free, lower=-far if name in (MOTOR, COUPLING) else 1e-2 * free.lower, upper=far)
