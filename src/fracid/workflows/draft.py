@@ -7,6 +7,7 @@ are simulated better from there: motors, gears and back-EMF differ by more than 
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from fracid.errors import InputError, refuse_unknown, writing
+from fracid.errors import InputError, refuse_unknown, typed, writing
 from fracid.estimation.horizons import horizons
 from fracid.models.base import ZEROS
 from fracid.models.library import MODEL
@@ -75,8 +76,8 @@ def write_draft(
         _written(draft, target)
         return replace(draft, notes=(f"The model is {name}; another: --model NAME.", *draft.notes))
     if more:
-        raise InputError(f"A draft of a {ROTARY} is of one recording: type fracid init {file}, and add a [[recording]] "
-                         "for each other to what it writes.")  # fmt: skip
+        raise InputError(f"A draft of a {ROTARY} is of one recording: type {typed('init', file)}, and add a "
+                         "[[recording]] for each other to what it writes.")  # fmt: skip
     draft = draft_project(file, columns, folder=target.parent, **options)
     project = _written(draft, target)
     if MOTOR not in project.problem.names or (starts := _regressed(project.problem)) is None:
@@ -108,7 +109,7 @@ def chosen_model(files: Sequence[Path], columns: Mapping[str, Any] | None, **opt
         for file, raw in zip(files, raws, strict=True):
             named = named_columns(read_table(file, options.get("variable")), raw.signals, columns or {})
             names |= {c: None for c in raw.signals if c not in named}
-    return model_of_columns(" ".join(f.name for f in files), [*names])
+    return model_of_columns(shlex.join(f.name for f in files), [*names])
 
 
 FIRST = 4

@@ -13,7 +13,7 @@ from typing import Any
 
 from fracid._version import __version__
 from fracid.arrays import by_name
-from fracid.errors import DataError, InputError, entry_of, unknown_name
+from fracid.errors import DataError, InputError, entry_of, typed, unknown_name
 from fracid.findings import Words
 from fracid.models import MODELS, RIGS, model_from_name, rotary_pendulum
 from fracid.models.library import MODEL as LIBRARY
@@ -110,7 +110,7 @@ def _no_source(source: str, known: tuple[str, ...]) -> InputError:
     if kind_of(Path(source)) is None and len(Path(source).parts) > 1:
         refuse_mistaken(Path(source), "run")
     if kind_of(Path(source)) == "recording":
-        return InputError(SAYS("recording", source=source))
+        return InputError(SAYS("recording", source=source, check=typed("check", source), init=typed("init", source)))
     hint = unknown_name("rig or model", source, known)
     return InputError(f"{hint}. It is no project and no run either; e.g. fracid simulate srv02-rotpen.")
 
