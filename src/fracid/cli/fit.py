@@ -96,18 +96,15 @@ def tell_fit(run: FinishedRun, how: How) -> None:
     if not isfinite(run.fit.cost):
         raise typer.Exit(DataError.exit_code)
     if run.interrupted:
-        sys.stderr.write(f"Interrupted. To resume it: {_again(run)}\n")
+        again = typed("resume", run.folder, trust=bool(run.project.own_code))
+        sys.stderr.write(f"Interrupted. To resume it: {again}\n")
         raise typer.Exit(1)
-
-
-def _again(run: FinishedRun) -> str:
-    return typed("resume", run.folder, trust=bool(run.project.own_code))
 
 
 def say_undrawn(run: FinishedRun) -> None:
     """Report what is there and what is not, and exit with 1: the work was interrupted."""
-    why, result = printable(run.undrawn), run.folder / "result.json"
-    sys.stderr.write(SAYS("undrawn", why=why, result=result, typed=_again(run)) + "\n")
+    again = typed("resume", run.folder, trust=bool(run.project.own_code))
+    sys.stderr.write(SAYS("undrawn", why=printable(run.undrawn), result=run.folder / "result.json", typed=again) + "\n")
     raise typer.Exit(Unfinished.exit_code)
 
 
