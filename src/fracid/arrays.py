@@ -99,29 +99,34 @@ def run_lengths(columns: FloatArray) -> FloatArray:
     return np.column_stack([np.bincount(k)[k] for k in run.T]).astype(float)
 
 
-def step_means(time: FloatArray, x: FloatArray, step: float, count: int) -> FloatArray:
-    """Mean over each step of a grid from the first sample on, of what keeps its value from sample to sample.
+def on_grid(time: FloatArray, x: FloatArray, grid: FloatArray, step: float, *, held: bool) -> FloatArray:
+    """What is sampled at other times, at the points of a grid: lines between samples, and its ends beyond them.
 
-    Where it jumps within a step, the mean acts over the step as the jump at its time does: neither late nor early.
+    Of what is held from sample to sample it is the mean over the step from each point on: where it jumps within a step,
+    the mean acts over the step as the jump at its time does, neither late nor early.
 
     Parameters
     ----------
     time, x : array, shape (n_samples,)
+    grid : array, shape (n_grid,)
     step : float
-    count : int
-        Steps.
+        Of the grid.
+    held : bool
 
     Examples
     --------
-    >>> step_means(np.array([0.0, 2.4, 4.0]), np.array([1.0, 2.0, 0.0]), 1.0, 5).round(12).tolist()
+    >>> on_grid(np.array([0.0, 2.4, 4.0]), np.array([1.0, 2.0, 0.0]), np.arange(5.0), 1.0, held=True).round(12).tolist()
     [1.0, 1.0, 1.6, 2.0, 0.0]
     """
-    at = (time - time[0]) / step
+    if not held:
+        return np.interp(grid, time, x)
+    at, count = (time - grid[0]) / step, len(grid)
     at = np.where(np.abs(at - np.rint(at)) < ROUNDED, np.rint(at), at)
-    cuts = np.union1d(np.arange(count + 1), at[at < count])
-    held, first = x[np.searchsorted(at, cuts[:-1], side="right") - 1], np.searchsorted(cuts, np.arange(count))
-    more = held - np.repeat(held[first], np.diff(first, append=len(held)))
-    return np.asarray(held[first] + np.add.reduceat(more * np.diff(cuts), first))
+    cuts = np.union1d(np.arange(count + 1), at[(at > 0) & (at < count)])
+    last, first = np.searchsorted(at, cuts[:-1], side="right") - 1, np.searchsorted(cuts, np.arange(count))
+    values = x[np.maximum(last, 0)]
+    more = values - np.repeat(values[first], np.diff(first, append=len(values)))
+    return np.asarray(values[first] + np.add.reduceat(more * np.diff(cuts), first))
 
 
 def extremes(signals: list[FloatArray], points: int) -> NDArray[np.intp]:

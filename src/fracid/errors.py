@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import difflib
 import errno
+import shlex
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -254,3 +255,14 @@ def writing(what: str, remedy: str = "Give another: --out DIR.") -> Iterator[Non
             raise Unfinished(f"{what} cannot be written: the disk is full. Make room, then type the same again; what "
                              "was done is kept.") from None  # fmt: skip
         raise InputError(f"{what} cannot be written: {error.strerror or error}. {remedy}") from None
+
+
+def typed(*words: object, trust: bool = False) -> str:
+    """A command as one types it, with the trust that it needs.
+
+    Examples
+    --------
+    >>> print(typed("fit", "my rig.toml"))
+    fracid fit 'my rig.toml'
+    """
+    return shlex.join(["fracid", *map(str, words), *["--trust"] * trust])

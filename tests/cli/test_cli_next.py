@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -14,7 +15,7 @@ from fracid.cli.app import open_page
 from fracid.recording import load_recording
 from fracid.recording.writing import save_recording
 from fracid.safety.paths import kind_of
-from fracid.tasks.journal import resumable
+from fracid.tasks.journal import resuming
 from program import run
 
 
@@ -147,9 +148,9 @@ def test_what_is_cut_short_names_the_folder_that_can_be_resumed(tmp_path):
     for folder, file in (("run", "run.json"), ("run/noise", "environment.json"), ("study", "environment.json")):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / file).touch()
-    expected = {"run/starts": "run", "run/noise": "run/noise", "study": "study", "other": "other"}
+    expected = {"run/starts": "run", "run/noise": "run/noise", "study": "study", "my rig": "my rig"}
     for own, resumed in expected.items():
-        assert resumable(tmp_path / own / "journal.jsonl") == tmp_path / resumed
+        assert shlex.split(resuming(tmp_path / own / "journal.jsonl"))[2:] == [str(tmp_path / resumed)]
 
 
 # --- success --------------------------------------------------------------------------------------------------

@@ -114,6 +114,14 @@ def test_the_figures_go_into_the_folder(capsys, good, tmp_path):
 
 
 @pytest.mark.broad
+def test_a_choice_that_replaces_the_analyses_of_all_says_so(capsys, good, tmp_path, undrawn):
+    for options, replaced in (((), False), (("--output", "alpha"), True), ((), False)):
+        code, _, err = run(capsys, "resid", good / "run", *options, "--out", tmp_path)
+        assert code == 0
+        assert ("residuals.json is replaced: it has what was chosen alone." in " ".join(err.split())) == replaced
+
+
+@pytest.mark.broad
 def test_of_a_model_without_friction_the_swing_is_left(capsys, lacking, tmp_path, undrawn):
     code, out, _ = run(capsys, "resid", lacking / "run", "--output", "alpha", "--out", tmp_path)
     assert code == 0

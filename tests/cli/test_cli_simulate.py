@@ -212,6 +212,31 @@ def test_a_start_in_motion_keeps_its_measured_past_and_refuses_another_grid():
         twin.changed(step=0.02)
 
 
+@pytest.mark.parametrize("between", ["line", "hold", "band-limited"])
+def test_a_finer_step_reads_an_input_between_its_samples_as_it_was_said_to_go_there(between):
+    time = 0.1 * np.arange(13)
+    twin = Twin.of_model(fracid.rotary_pendulum(), initial={}, step=0.1, end=1.2, substeps=8,
+                         between={"voltage": between}, inputs={"voltage": (time, np.sin(2.5 * time))})  # fmt: skip
+    finer = twin.changed(step=0.025, substeps=2)
+    assert np.allclose(finer.simulate().states[::4], twin.simulate().states, rtol=0, atol=1e-4)
+
+
+def test_a_held_input_has_its_mean_in_each_longer_step_and_its_value_in_each_shorter_one():
+    time, u = 0.1 * np.arange(7), np.array([0.0, 0.0, 6.0, 0.0, 3.0, 3.0, 0.0])
+    twin = Twin.of_model(fracid.rotary_pendulum(), initial={}, step=0.1, end=0.6, inputs={"voltage": (time, u)})
+    for step, means in ((0.3, [2.0, 2.0, 0.0]), (0.05, np.repeat(u, 2)[:-1])):
+        other = twin.changed(step=step)
+        assert np.allclose(other.record(other.simulate()).signals["voltage"], means)
+
+
+def test_an_input_from_a_file_does_between_its_samples_what_the_project_says(two_recordings, tmp_path):
+    (tmp_path / "push.csv").write_text("time,voltage [V]\n" + "".join(f"{0.5 * k},{k % 2}\n" for k in range(20)))
+    twin = twin_of(str(two_recordings / "rig.toml"), recording=None, zero=None, friction=False, released=False,
+                   trust=False)  # fmt: skip
+    said = driven(twin.changed(between={"voltage": "line"}), tmp_path / "push.csv", {}, to_its_end=True)
+    assert said.between == {"voltage": "line"}
+
+
 def test_a_file_drives_a_rig_to_its_end(capsys, tmp_path):
     times = np.arange(0, 1.5, 0.01)
     np.savetxt(tmp_path / "push.csv", np.column_stack([times, 5 * (times > 0.5), np.sin(times)]), delimiter=",",

@@ -287,6 +287,9 @@ def test_a_spring_that_is_not_there_leaves_its_rest_where_it_began_and_says_that
     assert found.sentence == f"not identifiable: {says}"
     found = verdicts(p, x=np.array([1e-9, -1.0]))["theta_rest"]
     assert found.sentence == f"practically non-identifiable: its interval is wider than its bounds, −1 … 1; {says}"
+    known = uncertainty(p, x := np.array([1e-9, -1.0]))
+    short = replace(known, ends=np.vstack([known.ends[0], [-1.0, 0.5]]))  # as where the walk finds the other end
+    assert identifiability(p, x, short)["theta_rest"].sentence == f"practically non-identifiable: {says}"
 
 
 def test_a_bound_is_told_and_with_a_profile_what_the_data_say_beyond():
@@ -328,6 +331,37 @@ def test_an_interval_that_ends_where_another_parameter_meets_its_bound_is_said_t
     assert "practically non-identifiable: its interval ends where K meets its bound, 10:" in verdicts(p)["V"].sentence
     wide = decay("-V*x/(K + x)", start, {"V": (0.01, 1e5), "K": (0.1, 1e5)}, measured)
     assert "meets its bound" not in verdicts(wide)["V"].sentence
+
+
+def mount(order, r, lower):
+    """A mass on a spring and on an element of some order, let go."""
+    element = {"x": Equation("v"), "v": Equation("-z - 40*x"), "z": Equation("v", order=order)}
+    model = Equations(element, {"x": Equation("x")}).model("mount", [])
+    run = fracid.simulate(model, orders=model.state_orders({"r": r}), initial={"x": 1.0}, step=0.02, end=4.0)
+    noise = 1e-3 * np.random.default_rng(1).standard_normal((201, 1))
+    swing = Experiment("mount", 0.02, run.states[:, :1] + noise, np.zeros((1, 0)), initial={"x": 1.0})
+    return Problem(model, (swing,), {"r": Free(r, lower, 1.0)}, {}, initial_state="held")
+
+
+@pytest.mark.parametrize(
+    ("order", "r", "lower", "advice"),
+    [
+        ("r", 1e-3, 1e-3, "no order lies beyond 0: put an element of order 0 in its place, or extend the model"),
+        ("1 - r", 1.0, 0.5, "no order lies beyond 1: put an element of order 1 in its place, or extend the model"),
+        ("r", 0.3, 0.3, "widen the bound or extend the model"),
+    ],
+)
+def test_a_bound_is_widened_only_where_an_order_may_lie_beyond_it(order, r, lower, advice):
+    p = mount(order, r, lower)
+    assert verdicts(p, x=p.start)["r"].reason == f"{r:.4g}; {advice}"
+
+
+def test_an_order_whose_narrow_interval_its_bound_cuts_is_identifiable():
+    p = mount("r", 0.02, 0.01995)
+    known = uncertainty(p, p.start)
+    assert not known.at_bound[0]
+    assert known.ends[0, 0] == 0.01995
+    assert identifiability(p, p.start, known)["r"].sentence == "identifiable"
 
 
 def test_an_interval_as_wide_as_a_scale_that_nothing_shows_is_said_to_be():

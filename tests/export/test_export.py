@@ -323,6 +323,32 @@ def test_results_mat_holds_values_intervals_and_curves(fitted, exported):
 
 
 @pytest.mark.broad
+def test_results_mat_of_a_recording_in_windows_has_the_start_of_its_first(tmp_path):
+    t = np.arange(0.0, 6.0, 0.02)
+    np.savetxt(tmp_path / "swing.csv", np.column_stack([t, 0.2 * np.exp(-t / 9) * np.cos(6.7 * t)]), delimiter=",",
+               header="t,angle", comments="")  # fmt: skip
+    (tmp_path / "swing.toml").write_text("""
+[model]
+name = "pendulum"
+[model.parameters]
+b_angle = { start = 1e-3, lower = 0.0, upper = 1.0 }
+[[recording]]
+file = "swing.csv"
+angle = { column = "angle", unit = "rad" }
+[fit]
+windows = 2.0
+""")
+    fracid.run(tmp_path / "swing.toml", out=tmp_path / "run")
+    saved = load_run(tmp_path / "run")
+    export_run(saved, tmp_path, ["matlab"])
+    found = loadmat(tmp_path / "results.mat", simplify_cells=True)["recordings"]
+    first = saved.problem.experiments[0]
+    assert first.name == "swing, window 1"
+    assert (found["name"], found["time"].size) == ("swing", t.size)
+    assert found["steps"] * found["step"] == pytest.approx(first.time[-1])
+
+
+@pytest.mark.broad
 @octave
 def test_in_octave_the_files_alone_give_every_recording_as_it_was_fitted(exported):
     folder, _ = exported

@@ -21,7 +21,6 @@ import errno
 import gc
 import json
 import os
-import shlex
 import sys
 import tomllib
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -38,6 +37,7 @@ import typer
 from fracid._version import __version__
 from fracid.cli.completion import Group, WithTables, from_run, key_of, one_of
 from fracid.errors import DataError, FracidError, InputError, NotTrusted, Unfinished
+from fracid.errors import typed as typed
 from fracid.safety.door import own_text
 from fracid.safety.environment import ignore_settings, safe_children
 from fracid.safety.text import json_text, printable
@@ -234,7 +234,7 @@ def _with_trust(error: FracidError, arguments: list[str] | None) -> str:
     if not isinstance(error, NotTrusted):
         return ""
     words = sys.argv[1:] if arguments is None else arguments
-    return printable(f" Type: {shlex.join(['fracid', *words, '--trust'])}")
+    return printable(f" Type: {typed(*words, trust=True)}")
 
 
 def new_console(**options: Any) -> Any:
@@ -246,11 +246,6 @@ def new_console(**options: Any) -> Any:
             return super().render_str(printable(text), **how)
 
     return Printable(**{"highlight": False, **options})
-
-
-def typed(*words: object, trust: bool = False) -> str:
-    """A command as one types it, ``fracid fit 'my rig.toml'``; with the trust that it needs."""
-    return shlex.join(["fracid", *map(str, words), *["--trust"] * trust])
 
 
 def type_again(words: Sequence[str], where: Path, known_as: Sequence[str]) -> Any:

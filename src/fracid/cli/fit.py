@@ -96,8 +96,8 @@ def tell_fit(run: FinishedRun, how: How) -> None:
     if not isfinite(run.fit.cost):
         raise typer.Exit(DataError.exit_code)
     if run.interrupted:
-        trust = " --trust" * bool(run.project.own_code)
-        sys.stderr.write(f"Interrupted. To resume it: fracid resume {run.folder}{trust}\n")
+        again = typed("resume", run.folder, trust=bool(run.project.own_code))
+        sys.stderr.write(f"Interrupted. To resume it: {again}\n")
         raise typer.Exit(1)
 
 

@@ -88,7 +88,11 @@ FAR, GOES_ALONG = 0.1, 0.3
 """A relative change that the data do not see, and the power of it with which an interval widens, that is arbitrary."""
 
 CUT = 0.5
-"""An interval that is shorter than this part of what it were without bounds is cut by them."""
+"""An interval that is shorter than this part of what it were without bounds is cut by them; by its own alone it is
+known where that were shorter than this part of what is too wide."""
+
+LITTLE = 0.05
+"""Room beyond a bound that is less than this part of what is too wide is none."""
 
 KNOWN = 0.5
 """Half the interval of a ratio that is worth naming, relative."""
@@ -336,7 +340,8 @@ def _by_its_profile(view: _View, i: int) -> Iterator[Verdict]:
 def _at_a_bound(view: _View, i: int) -> Iterator[Verdict]:
     if not view.known.at_bound[i] or np.any(view.known.unseen[:, i]) or (view.too_wide(i) and _near_ratio(view, i)):
         return
-    still = _because(view, i) if view.problem.unknowns[i].kind == "order" else _of_presliding(view, i)
+    order = view.problem.unknowns[i].kind == "order"
+    still = _because(view, i) if order else _of_presliding(view, i) or _idle(view, i)
     low, high = view.known.ends[i]
     if low <= view.problem.space.lower[i] and high >= view.problem.space.upper[i]:
         still = f"{_bounds(view, i)}{_because(view, i)}"
@@ -353,15 +358,18 @@ def _beyond(view: _View, i: int) -> str:
         return "widen the bound or extend the model"
     if bound == 0.0:
         return "it is zero within the resolution of the data: remove it, or extend the model"
+    if view.problem.unknowns[i].kind == "order" and not view.problem.unknowns[i].range.hard:
+        return SAYS("order-end", end=bound)
     return "beyond it means nothing, so the model lacks something"
 
 
 def _means_something_beyond(view: _View, i: int, bound: float) -> bool:
     """Whether there are values beyond a bound that mean as much, more than a little beside those before it."""
     u, problem = view.problem.unknowns[i], view.problem
-    own = u.kind == "parameter" and u.target in problem.parameters
+    own = u.target in (problem.orders if u.kind == "order" else problem.parameters)
     limit = limits(problem, u.target)[bound == u.range.upper] if own else math.inf
-    return not (u.range.hard or u.complete) and abs(limit - bound) > CUT * abs(bound - float(view.x[i]))
+    little = max(LITTLE * view.widest(i), CUT * abs(bound - float(view.x[i])))
+    return not (u.range.hard or u.complete) and abs(limit - bound) > little
 
 
 def _of_a_joint_that_gives(view: _View, i: int) -> Iterator[Verdict]:
@@ -536,7 +544,8 @@ def _cut(view: _View, i: int) -> Iterator[Verdict]:
         if abs(end - view.x[i]) > CUT * NORMAL_95 * view.known.standard_error[i]:
             continue
         for k, bound in view.known.stops.get((i, side), {}).items():
-            if _means_something_beyond(view, k, bound):
+            narrow = k == i and not view.too_wide(i, view.half(i) / CUT)
+            if not narrow and _means_something_beyond(view, k, bound):
                 why = SAYS("cut" if k == i else "cut-by", other=letter(view.names[k]), bound=bound)
                 yield Verdict(view.names[i], "practically not", why)
 

@@ -91,10 +91,11 @@ def matlab_results(run: SavedRun, **more: Any) -> bytes:
     from scipy.io import savemat
 
     p, result = run.problem, run.result
-    name_of, there = Matlab(p.model.program).name, {e.name: (own, e) for own in run.problems for e in own.experiments}
+    name_of = Matlab(p.model.program).name
+    first = {n: (own, own.experiments[at][0]) for own in run.problems for n, (_, at) in own.recordings.items()}
     recordings = []
     for name, fit in run.recordings.items():
-        own, e = there[name]
+        own, e = first[name]
         case = Case.of(own, own.point(run.values), e)
         recordings.append({
             "name": name, **curves_of(fit), "rmse": dict(fit.rmse), "past_states": case.past,

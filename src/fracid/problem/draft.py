@@ -85,6 +85,9 @@ BRIDGED = 0.25
 MOTOR = "torque_per_volt"
 """What an input is seen by."""
 
+COUPLING = "C3"
+"""What an angle that counts the other way reverses."""
+
 BEGUN = ("C1", "C3", "C6", "J_theta", "b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha", "cable_stiffness", MOTOR)
 """The constants that a draft may be told to begin with."""
 
@@ -546,7 +549,7 @@ class _PendulumPage:
     def inertia(self, name: str) -> str:
         """The line of an inertia: of a pendulum whose arm stands still from its period, else the rig's."""
         own = self._inertia if name == "C1" and not self.arm else self.own[name] * self._slower
-        start = self.starts.get(name, own)
+        start = abs(self.starts.get(name, own))  # a coupling below 0 is of angles that count in two directions
         return toml_range(name, start, start / SPAN, start * SPAN, comment=self.meaning(name))
 
     def meaning(self, name: str) -> str:

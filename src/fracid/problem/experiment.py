@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from fracid.arrays import BoolArray, FloatArray, real_array, step_means
+from fracid.arrays import BoolArray, FloatArray, on_grid, real_array
 from fracid.cards import CardDisplay
 from fracid.errors import InputError, brief, refuse_unknown
 from fracid.findings import Words
@@ -426,9 +426,8 @@ def _on_the_grid(recording: Recording, model: Model, times: FloatArray, inputs: 
                               MOST_UNEVEN=MOST_UNEVEN))  # fmt: skip
     if len(inputs) == 1:
         return step, inputs
-    grid = np.arange(count) * step
-    columns = [step_means(times, u, step, count) if h else np.interp(grid, times, u)
-               for h, u in zip(held, inputs.T, strict=True)]  # fmt: skip
+    grid = np.arange(count, dtype=np.float64) * step
+    columns = [on_grid(times, u, grid, step, held=bool(h)) for h, u in zip(held, inputs.T, strict=True)]
     return step, np.column_stack(columns)
 
 

@@ -22,7 +22,7 @@ TURN = 6.3
 
 
 def limits(problem: Problem, name: str) -> tuple[float, float]:
-    """Between which values a free parameter means something, and those that are tied to it.
+    """Between which values a free order or parameter means something, and those that are tied to it.
 
     A parameter keeps its sign where a bound gives it one: what turns the other way is another rig.
 
@@ -37,6 +37,8 @@ def limits(problem: Problem, name: str) -> tuple[float, float]:
     >>> [limits(problem, name) for name in ranges]
     [(0.0, inf), (-inf, 0.0), (0.0, 0.5)]
     """
+    if name in problem.orders:
+        return 0.0, 1.0 if name in problem.model.springpot_orders.values() else 2.0
     free = problem.parameters[name]
     assert isinstance(free, Free)
     if name.partition("_")[0] in QUANTITIES:

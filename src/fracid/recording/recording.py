@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fracid.arrays import ROUNDED, FloatArray, Signals, real_array, step_means, stretches
+from fracid.arrays import ROUNDED, FloatArray, Signals, on_grid, real_array, stretches
 from fracid.cards import Card, CardDisplay
 from fracid.errors import DataError, InputError, brief
 from fracid.figures import Figure, Style, draw
@@ -166,8 +166,7 @@ class Recording(CardDisplay):
         if clock.duration / h > MOST_RESAMPLED * max(clock.samples, 10_000):
             raise InputError(SAYS("long-step", name=self.name, h=h, samples=clock.duration / h, clock=clock))
         grid = self.time[0] + h * np.arange(int(clock.duration / h * (1 + 1e-12)) + 1)
-        signals = {n: step_means(self.time, x, h, len(grid)) if n in self.held else np.interp(grid, self.time, x)
-                   for n, x in self.signals.items()}  # fmt: skip
+        signals = {n: on_grid(self.time, x, grid, h, held=n in self.held) for n, x in self.signals.items()}
         longest = sorted(clock.gaps, key=lambda gap: -gap[1])[:5]
         gaps = "".join(SAYS("gap-bridged", gap=with_time_unit(g, ".3g"), after=t) for t, g in longest)
         more = f" So were {len(clock.gaps) - 5} more gaps." if len(clock.gaps) > 5 else ""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from fracid.errors import InputError, writing
+from fracid.errors import InputError, typed, writing
 from fracid.export.javascript import program_of, solver
 from fracid.models import MODELS, RIGS, Model, model
 from fracid.models.library import table_of
@@ -90,7 +90,7 @@ def table_for_page(table: Table, name: str, variable: str | None = None) -> dict
     every = max(1, -(-table.values.size // MOST))
     values = table.values[::every]
     if len(values) < 2:
-        raise InputError(f"{name} has {table.values.shape[1]} columns: too many for a page. Type fracid init {name}.")
+        raise InputError(f"{name}: {table.values.shape[1]} columns, too many for a page. Type {typed('init', name)}.")
     return {
         "name": name, "names": list(table.names), "units": list(table.units), "rows": len(values), "variable": variable,
         "columns": [base64_floats(column, "<f8") for column in values.T],

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from fracid.errors import writing
+from fracid.errors import typed, writing
 from fracid.estimation.cost_plane import CostPlane, risen
 from fracid.fit import Fit
 from fracid.problem.project import Project
@@ -277,7 +277,7 @@ def _begins(material: Material, name: str) -> str:
     release, start = material.as_recorded[name].report.release, result["recordings"][name]["from"]
     after = f", {number(start - release, '.2g')} s after its release" if release is not None and start > release else ""
     checked = result["cut"] is not None
-    what = "Where the record begins, under Checks," if checked else f"fracid fit {material.project.path.name} --cut"
+    what = "Where the record begins, under Checks," if checked else typed("fit", material.project.path.name, "--cut")
     return SAYS("begins-in-motion", after=after, what=what)
 
 

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from fracid.cards import CardDisplay
-from fracid.errors import InputError
+from fracid.errors import InputError, typed
 from fracid.runs.environment import code, machine
 from fracid.runs.folder import CODE, SAYS, VERSION, inputs_of, result_of, run_state
 from fracid.runs.saved import SavedRun, load_run
@@ -155,7 +155,7 @@ def reproduce(folder: str | Path, *, trust: bool = False, jobs: int = 1, **optio
     run = load_run(folder, trust=trust)
     state = run_state(run.folder)
     if not state.finished:
-        raise InputError(f"The fit in {run.folder} is not finished; type fracid resume {run.folder}.")
+        raise InputError(f"The fit in {run.folder} is not finished; type {typed('resume', run.folder)}.")
     there = read_if_whole(run.folder / "environment.json", EnvironmentBlock) | {"code": state.code}
     here = machine() | {"code": code()}
     changed = not_as_before(run.folder, state.inputs, inputs_of(run.project), there, here=here)

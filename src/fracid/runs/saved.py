@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 from fracid.cards import Card
-from fracid.errors import FracidError, InputError, NotTrusted
+from fracid.errors import FracidError, InputError, NotTrusted, typed
 from fracid.estimation.records import RecordingFit, fit_of
 from fracid.estimation.windows import windowed
 from fracid.fit import Fit
@@ -236,7 +236,7 @@ def _read(path: Path) -> dict[str, Any]:
         return content | as_json(SavedRun, content)  # with what follows from the rest, whatever stood there
     if state := read_if_whole(path.parent / RUN, RunState):
         ended = f"was finished, but its {path.name} cannot be read; fit it again"
-        missing = ended if state["finished"] else f"is not finished; type fracid resume {path.parent}"
+        missing = ended if state["finished"] else f"is not finished; type {typed('resume', path.parent)}"
         raise InputError(f"The fit in {path.parent} {missing}.")
     raise InputError(SAYS("no-run", path=path))
 

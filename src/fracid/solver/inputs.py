@@ -26,7 +26,7 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, on_grid
 
 Between = Literal["line", "hold", "band-limited"]
 
@@ -81,6 +81,35 @@ def between_samples(u: FloatArray, between: Between, first: float, spacing: floa
     return Driven(np.append(left[:1], right), np.append(left, _at(u, np.floor(places[-1:]))))
 
 
+def at_other_samples(time: FloatArray, u: FloatArray, between: Between, grid: FloatArray, step: float) -> FloatArray:
+    """An input as samples on a grid of another step would have it: of one that is held its mean over each step.
+
+    Parameters
+    ----------
+    time, u : array, shape (n_samples,)
+    between : "line", "hold" or "band-limited"
+        What it does between its samples; a band-limited one has even samples.
+    grid : array, shape (n_grid,)
+    step : float
+        Of the grid.
+
+    Examples
+    --------
+    >>> u, time, finer = np.array([1.0, 3.0, 3.0]), np.array([0.0, 2.0, 4.0]), np.arange(4.0)
+    >>> [at_other_samples(time, u, between, finer, 1.0).tolist() for between in ("line", "hold")]
+    [[1.0, 2.0, 3.0, 3.0], [1.0, 1.0, 3.0, 3.0]]
+    """
+    if between == "band-limited" and len(u) > 1:
+        return _along(u, np.interp(grid, time, np.arange(len(u))))
+    return on_grid(time, u, grid, step, held=between == "hold")
+
+
+def _along(u: FloatArray, places: FloatArray) -> FloatArray:
+    """A band-limited input at some places [samples]; its ends beyond them."""
+    curve = _reconstructed(np.ascontiguousarray(u, dtype=np.float64).tobytes())
+    return curve(np.clip(places, 0.0, len(u) - 1.0))
+
+
 def _at(u: FloatArray, samples: FloatArray) -> FloatArray:
     """Some samples, the first and the last for those beyond."""
     return np.asarray(u[np.clip(samples, 0, len(u) - 1).astype(int)])
@@ -97,10 +126,9 @@ def _held(u: FloatArray, places: FloatArray, spacing: float) -> tuple[FloatArray
 
 def _curved(u: FloatArray, places: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
     """The line nearest to a band-limited input over each step, by Gauss's rule of four points."""
-    curve = _reconstructed(np.ascontiguousarray(u, dtype=np.float64).tobytes())
     nodes, weights = np.polynomial.legendre.leggauss(4)
     middles = places[:-1] + spacing / 2
-    values = [curve(np.clip(middles + spacing / 2 * s, 0.0, len(u) - 1.0)) for s in nodes]
+    values = [_along(u, middles + spacing / 2 * s) for s in nodes]
     mean = sum(w / 2 * v for w, v in zip(weights, values, strict=True))
     tilt = sum(1.5 * s * w * v for s, w, v in zip(nodes, weights, values, strict=True))
     return np.asarray(mean - tilt), np.asarray(mean + tilt)

@@ -16,7 +16,6 @@ import codecs
 import io
 import json
 import os
-import shlex
 import signal
 import sys
 import threading
@@ -25,6 +24,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from types import FrameType
 from typing import Any
 
+from fracid.errors import typed
 from fracid.safety.door import nowhere
 from fracid.tasks import SAYS
 from fracid.tasks.folder_lock import held_folders
@@ -145,7 +145,7 @@ def _end(number: int) -> None:
     """Say so, and die of the signal, so that whoever sent it sees that."""
     folder = next(iter(held_folders()), None)
     what = "ended-without-a-folder" if folder is None else "ended"
-    said = SAYS(what, signal=signal.Signals(number).name, folder=shlex.quote(str(folder)))
+    said = SAYS(what, signal=signal.Signals(number).name, typed=typed("resume", folder))
     with suppress(OSError, ValueError):  # the terminal may be gone
         os.write(sys.stderr.fileno(), f"\nerror: {said}\n".encode())
     signal.signal(number, signal.SIG_DFL)

@@ -29,7 +29,7 @@ from contextlib import AbstractContextManager, ExitStack, suppress
 from io import RawIOBase
 from pathlib import Path
 
-from fracid.errors import InputError, Unfinished, writing
+from fracid.errors import InputError, Unfinished, typed, writing
 from fracid.safety.door import appended, opened
 from fracid.safety.json_files import LONGEST, object_of
 from fracid.tasks import SAYS
@@ -178,20 +178,20 @@ def whole_lines(path: Path) -> Iterator[tuple[bytes, int]]:
             begun = not piece.endswith(b"\n")
 
 
-def resumable(path: Path) -> Path:
-    """The folder that ``fracid resume`` takes, for a log in it: its own, or the run's whose many starts it keeps.
+def resuming(path: Path) -> str:
+    """The command that resumes what has a log: of the log's own folder, or of the run whose many starts it keeps.
 
     Examples
     --------
     >>> import tempfile
     >>> run = Path(tempfile.mkdtemp())
     >>> (run / "run.json").touch()
-    >>> resumable(run / "starts" / "journal.jsonl") == run
+    >>> resuming(run / "starts" / "journal.jsonl") == f"fracid resume {run}"
     True
     """
     own, above = path.parent, path.parent.parent
     alone = (own / "run.json").exists() or (own / "environment.json").exists()
-    return above if not alone and (above / "run.json").exists() else own
+    return typed("resume", above if not alone and (above / "run.json").exists() else own)
 
 
 def append_whole(file: RawIOBase, content: Sequence[bytes | memoryview], end: int) -> int:
@@ -233,7 +233,7 @@ def append_whole(file: RawIOBase, content: Sequence[bytes | memoryview], end: in
 
 def _cut_short(path: Path, error: OSError) -> Unfinished:
     why = "the disk is full" if error.errno in (errno.ENOSPC, errno.EDQUOT) else error.strerror
-    return Unfinished(SAYS("not-written", path=path, why=why, resumable=resumable(path)))
+    return Unfinished(SAYS("not-written", path=path, why=why, typed=resuming(path)))
 
 
 def _check_study(path: Path, header: dict[str, Json] | None, study: dict[str, Json]) -> None:
@@ -243,7 +243,7 @@ def _check_study(path: Path, header: dict[str, Json] | None, study: dict[str, Js
     was = header["study"]
     if differ := [name for name in {**was, **study} if was.get(name) != study.get(name)]:
         changes = "; ".join(f"{n} was {_short(was.get(n))} and is {_short(study.get(n))}" for n in differ)
-        raise InputError(SAYS("other-study", folder=path.parent, changes=changes, resumable=resumable(path)))
+        raise InputError(SAYS("other-study", folder=path.parent, changes=changes, typed=resuming(path)))
 
 
 def _short(value: Json) -> str:

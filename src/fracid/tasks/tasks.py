@@ -37,7 +37,7 @@ from fracid.tasks import SAYS
 from fracid.tasks.cluster import on_cluster
 from fracid.tasks.folder_lock import Json
 from fracid.tasks.job import Ended, Progress, Stopped, Task, Work
-from fracid.tasks.journal import Journal, resumable
+from fracid.tasks.journal import Journal, resuming
 from fracid.tasks.local import on_processes, on_threads
 
 
@@ -158,7 +158,7 @@ def _kept(part: Part, count: int, tasks: int, journal: Journal | None) -> str:
     counted = f"{part.done(count):,} of {part.total or tasks:,} {part.what}"
     if journal is None:
         return f"{counted} were done."
-    return f"{counted} are done and kept. To continue, type fracid resume {resumable(journal.path)}."
+    return f"{counted} are done and kept. To continue, type {resuming(journal.path)}."
 
 
 # --- what is refused ---------------------------------------------------------------------------------

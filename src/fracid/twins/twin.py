@@ -43,7 +43,7 @@ from fracid.problem import Experiment, Problem
 from fracid.problem.experiment import held_inputs
 from fracid.recording import Recording
 from fracid.recording.channel import si_unit
-from fracid.solver.inputs import Between, Driven, between_samples
+from fracid.solver.inputs import Between, Driven, at_other_samples, between_samples
 from fracid.solver.outputs import output_along
 from fracid.solver.solve import simulate
 from fracid.solver.trajectory import Trajectory
@@ -81,7 +81,7 @@ class Twin(CardDisplay):
     substeps: int = 1
     """Steps of the solver to a sample."""
     inputs: Mapping[str, tuple[FloatArray, FloatArray]] | None = None
-    """Input → its times, from the first sample [s], and its values; read at the samples, held beyond both ends."""
+    """Input → its times, from the first sample [s], and its values; held beyond both ends."""
     between: Mapping[str, Between] = field(default_factory=dict)
     """Input → what it does between the samples (:mod:`fracid.solver.inputs`); ``line`` where it says nothing."""
     history: FloatArray | None = None
@@ -269,19 +269,24 @@ class Twin(CardDisplay):
         unsaid = {n: v for n, v in self.model.input_defaults.items() if given and n not in given}
         return given | {n: (np.zeros(1), np.full(1, v)) for n, v in unsaid.items()}
 
+    def _between(self, name: str) -> Between:
+        return self.between.get(name, "hold" if name in self.model.input_rates else "line")
+
+    def _read(self, name: str, samples: FloatArray) -> FloatArray:
+        """An input at the samples of the twin, 0 where nothing gives it."""
+        given = self._inputs.get(name, (np.zeros(1), np.zeros(1)))
+        return at_other_samples(*given, self._between(name), samples, self.step)
+
     def _driven(self, steps: int, h: float) -> Driven | None:
         """u on the grid of the run, with a past from its beginning on."""
-        if not (inputs := self._inputs):
+        if not self._inputs:
             return None
         past = 0 if self.history is None else len(self.history)
         begin = (self.hold - h * past) / self.step
         first = math.floor(begin + 1e-9)
-        samples = self.step * np.arange(first, round(self.end / self.step) + 1)
-        driven = []
-        for name in self.model.inputs:
-            kind = self.between.get(name, "hold" if name in self.model.input_rates else "line")
-            read = np.interp(samples, *inputs.get(name, (np.zeros(1), np.zeros(1))))
-            driven.append(between_samples(read, kind, begin - first, h / self.step, count=past + steps + 1))
+        samples = self.step * np.arange(first, round(self.end / self.step) + 1, dtype=np.float64)
+        driven = [between_samples(self._read(name, samples), self._between(name), begin - first, h / self.step,
+                                  count=past + steps + 1) for name in self.model.inputs]  # fmt: skip
         return Driven(*(np.column_stack(side) for side in zip(*driven, strict=True)))
 
     def record(
@@ -315,8 +320,7 @@ class Twin(CardDisplay):
         if counts < 0 or 0 < counts < 3:
             raise InputError(f"counts = {counts} is not possible; expected counts a turn, e.g. 4096, or 0.")
         rng, resolution = np.random.default_rng(seed), 2 * math.pi / counts if counts else 0.0
-        given, nothing = {n: np.interp(run.time, *v) for n, v in self._inputs.items()}, np.zeros(len(run.time))
-        u = np.array([given.get(n, nothing) for n in self.model.inputs]).reshape(-1, len(run.time)).T
+        u = np.array([self._read(n, run.time) for n in self.model.inputs]).reshape(-1, len(run.time)).T
         p = self.model.parameter_vector(self.parameters)
         units, signals = dict[str, str](), dict[str, FloatArray]()
         for name, y in self.model.outputs.items():
@@ -326,7 +330,7 @@ class Twin(CardDisplay):
             signals[name] = encoder(clean[:, None], levels[name], resolution if turns else 0.0, rng)[:, 0]
         for name in self.inputs or ():
             if name not in self.model.input_rates:
-                signals[name], units[name] = given[name], si_unit(self.model.input_unit(name))
+                signals[name], units[name] = self._read(name, run.time), si_unit(self.model.input_unit(name))
         for name, x in zip(self.model.states, run.states.T, strict=True) if states else ():
             label = f"state {name}" if name in signals else name
             signals[label], units[label] = x, "1"

@@ -7,6 +7,7 @@ are simulated better from there: motors, gears and back-EMF differ by more than 
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from fracid.errors import InputError, refuse_unknown, writing
+from fracid.errors import InputError, refuse_unknown, typed, writing
 from fracid.estimation.horizons import horizons
 from fracid.models.base import ZEROS
 from fracid.models.library import MODEL
 from fracid.problem import Free, Problem
-from fracid.problem.draft import BEGUN, MOTOR, Draft, draft_project
+from fracid.problem.draft import BEGUN, COUPLING, MOTOR, Draft, draft_project
 from fracid.problem.model_draft import draft_of_model
 from fracid.problem.project import Project, project_from_text
 from fracid.problem.roles import ROTARY, likely_models, model_of_columns, named_columns
@@ -75,8 +76,8 @@ def write_draft(
         _written(draft, target)
         return replace(draft, notes=(f"The model is {name}; another: --model NAME.", *draft.notes))
     if more:
-        raise InputError(f"A draft of a {ROTARY} is of one recording: type fracid init {file}, and add a [[recording]] "
-                         "for each other to what it writes.")  # fmt: skip
+        raise InputError(f"A draft of a {ROTARY} is of one recording: type {typed('init', file)}, and add a "
+                         "[[recording]] for each other to what it writes.")  # fmt: skip
     draft = draft_project(file, columns, folder=target.parent, **options)
     project = _written(draft, target)
     if MOTOR not in project.problem.names or (starts := _regressed(project.problem)) is None:
@@ -88,7 +89,8 @@ def write_draft(
     if not costs[1] < costs[0]:
         return draft
     _written(begun, target)
-    return replace(begun, notes=(*begun.notes, "The constants begin where a linear regression has them."))
+    but = f", {COUPLING} but for its sign: alpha or theta may count the other way" * (starts.get(COUPLING, 0.0) < 0.0)
+    return replace(begun, notes=(*begun.notes, f"The constants begin where a linear regression has them{but}."))
 
 
 def chosen_model(files: Sequence[Path], columns: Mapping[str, Any] | None, **options: Any) -> str:
@@ -107,7 +109,7 @@ def chosen_model(files: Sequence[Path], columns: Mapping[str, Any] | None, **opt
         for file, raw in zip(files, raws, strict=True):
             named = named_columns(read_table(file, options.get("variable")), raw.signals, columns or {})
             names |= {c: None for c in raw.signals if c not in named}
-    return model_of_columns(" ".join(f.name for f in files), [*names])
+    return model_of_columns(shlex.join(f.name for f in files), [*names])
 
 
 FIRST = 4
@@ -140,6 +142,7 @@ def _regressed(problem: Problem) -> dict[str, float] | None:
 
 
 def _wide(name: str, free: Free) -> Free:
-    """A range that no motor is beyond, on either side for its direction."""
+    """A range that no motor is beyond; on either side for its direction, and for the coupling of angles that differ in
+    theirs."""
     far = 100 * max(abs(free.lower), abs(free.upper))
-    return replace(free, lower=-far if name == MOTOR else 1e-2 * free.lower, upper=far)
+    return replace(free, lower=-far if name in (MOTOR, COUPLING) else 1e-2 * free.lower, upper=far)

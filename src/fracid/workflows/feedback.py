@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from fracid.errors import InputError
+from fracid.errors import InputError, typed
 from fracid.export.identified import columns_of
 from fracid.feedback.code import c_controller
 from fracid.feedback.study import DRAWS, Control, planned
@@ -93,7 +93,7 @@ def run_control(
         folder, points = folder_of(out, run, "control"), None
         if posterior:
             if not (run / "posterior" / DRAWN).exists():
-                raise InputError(f"There are no draws of {run} yet; type fracid posterior {run}.")
+                raise InputError(f"There are no draws of {run} yet; type {typed('posterior', run)}.")
             drawn = read_npz(run / "posterior" / DRAWN)
             weights = np.exp(np.asarray(drawn["log_weights"], float))
             chosen = np.random.default_rng(seed).choice(len(weights), draws, p=weights / weights.sum())

@@ -15,7 +15,7 @@ import numpy as np
 
 from fracid.bayes.inference import DRAWS, posterior
 from fracid.bayes.result import METHODS, Posterior
-from fracid.errors import InputError, refuse_unknown
+from fracid.errors import InputError, refuse_unknown, typed
 from fracid.optimise.base import Outcome
 from fracid.runs.saved import load_run
 from fracid.tasks.display import unless_given
@@ -92,7 +92,7 @@ def run_posterior(
     with one_blas_thread():
         saved = load_run(run, trust=trust)
         if saved.outcome in (Outcome.INTERRUPTED, Outcome.STOPPED):
-            raise InputError(SAYS("no-minimum", run=run, project=saved.project.path))
+            raise InputError(SAYS("no-minimum", run=run, typed=typed("fit", saved.project.path)))
         folder = folder_of(out, run, "posterior")
         options = {"method": method, "draws": draws, "executor": executor, "seed": seed, "trust": trust}
         words = command_of("posterior", run, {"out": out, **options}) if command is None else command

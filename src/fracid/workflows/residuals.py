@@ -77,7 +77,7 @@ def run_residuals(
     Traceback (most recent call last):
     fracid.errors.InputError: ...
     """
-    source, watching = Path(run), unless_given(observer)
+    source, folder, watching = Path(run), Path(out or run), unless_given(observer)
     watching.stage("run")
     with one_blas_thread():
         loaded_run = load_run(source, trust=trust)
@@ -95,5 +95,6 @@ def run_residuals(
         }  # fmt: skip
     record = as_json(ResidualsBlock, {"notes": loaded_run.notes, "recordings": analyses})
     figures = of_tests(tested, loaded_run.resolutions, analyses)
-    return FinishedResiduals.written(source if out is None else Path(out), record, figures, watching, run=loaded_run,
-                                     analyses=analyses)  # fmt: skip
+    if (recordings or outputs) and (file := folder / FinishedResiduals.FILE).exists():
+        watching.notice(f"{file} is replaced: it has what was chosen alone. To keep one of all, type --out DIR.")
+    return FinishedResiduals.written(folder, record, figures, watching, run=loaded_run, analyses=analyses)

@@ -16,11 +16,10 @@ folder that :func:`fracid.runs.folder.open_folder` made: that is all.
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 from typing import Any
 
-from fracid.errors import InputError, NotTrusted
+from fracid.errors import InputError, NotTrusted, typed
 from fracid.findings import Words
 from fracid.runs.folder import JOURNAL, RUN, RunState, moved_project, run_state
 from fracid.runs.saved import SavedRun
@@ -113,7 +112,7 @@ def _place_of(folder: Path, state: RunState, executor: str | None) -> str | None
     there = state.options.executor
     if ADDRESS in str(there) and (executor is None or ADDRESS in executor):
         if executor is None:
-            raise InputError(SAYS("scheduler", folder=folder, there=there))
+            raise InputError(SAYS("scheduler", folder=folder, there=there, typed=typed("resume", folder)))
         return executor
     if executor:
         raise InputError(f"{folder} is a fit, which runs on threads: leave --executor and --scheduler out.")
@@ -176,12 +175,13 @@ def safe_words(folder: Path, words: list[str], elsewhere: str | None, trust: boo
     >>> safe_words(Path("runs/a"), ["compare", "rig.toml", "--trust"], None, False)
     ['compare', 'rig.toml']
     """
-    if shlex.join(["fracid", *words[:1]]) not in STUDIES.values():
+    if typed(*words[:1]) not in STUDIES.values():
         raise InputError(f"{folder} holds no study that can be typed again; those are {', '.join(STUDIES.values())}.")
     if any(".py:" in word for word in words) and not trust:
-        raise NotTrusted(SAYS("own-code", folder=folder, words=shlex.join(["fracid", *words])))
+        raise NotTrusted(SAYS("own-code", folder=folder, words=typed(*words)))
     if (address := next((word for word in words if ADDRESS in word), None)) and not elsewhere:
-        raise InputError(SAYS("scheduler", folder=folder, there=address.removeprefix("--scheduler=")))
+        there = address.removeprefix("--scheduler=")
+        raise InputError(SAYS("scheduler", folder=folder, there=there, typed=typed("resume", folder)))
     places = ("--scheduler", "--executor")  # before an address, and without it nothing
     return [word for word, then in zip(words, [*words[1:], ""], strict=True)
             if ADDRESS not in word and word != "--trust" and not (word in places and ADDRESS in then)]  # fmt: skip

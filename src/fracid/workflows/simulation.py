@@ -13,11 +13,11 @@ from typing import Any
 
 from fracid._version import __version__
 from fracid.arrays import by_name
-from fracid.errors import DataError, InputError, entry_of, unknown_name
+from fracid.errors import DataError, InputError, entry_of, typed, unknown_name
 from fracid.findings import Words
 from fracid.models import MODELS, RIGS, model_from_name, rotary_pendulum
 from fracid.models.library import MODEL as LIBRARY
-from fracid.problem.experiment import refuse_other_dimensions
+from fracid.problem.experiment import held_inputs, refuse_other_dimensions
 from fracid.recording import Recording, inspect_recording, load_recording
 from fracid.recording.channel import si_unit
 from fracid.recording.writing import WRITERS, save_recording
@@ -110,7 +110,7 @@ def _no_source(source: str, known: tuple[str, ...]) -> InputError:
     if kind_of(Path(source)) is None and len(Path(source).parts) > 1:
         refuse_mistaken(Path(source), "run")
     if kind_of(Path(source)) == "recording":
-        return InputError(SAYS("recording", source=source))
+        return InputError(SAYS("recording", source=source, check=typed("check", source), init=typed("init", source)))
     hint = unknown_name("rig or model", source, known)
     return InputError(f"{hint}. It is no project and no run either; e.g. fracid simulate srv02-rotpen.")
 
@@ -159,8 +159,8 @@ def driven(twin: Twin, file: Path, channel: Mapping[str, Any], *, to_its_end: bo
     refuse_other_dimensions(read, twin.model, ())
     times = read.time - read.time[0]
     last = {"end": float(times[-1])} if to_its_end else {}
-    held = {inputs[0]: "hold"} if read.units[inputs[0]] == "V" else {}
-    return twin.changed(inputs={inputs[0]: (times, read.signals[inputs[0]])}, between=held, **last)
+    between = {**held_inputs(read.units, twin.model), **twin.between}
+    return twin.changed(inputs={inputs[0]: (times, read.signals[inputs[0]])}, between=between, **last)
 
 
 def simulate_twin(
