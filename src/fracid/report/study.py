@@ -203,10 +203,14 @@ def _error(name: str, s: Mapping[str, Any]) -> dict[str, str]:
 def _controlled(record: Mapping[str, Any]) -> Found:
     c, designs = record["conditions"], (*record["tried"], record["design"])
     weights = dict.fromkeys(n for d in designs for n in d["controller"]["weights"])
+    off = next(iter(c["off"]), "")
+    signals = (off, c["units"].get(off, "1")), (c["input"], c["unit"])
+    error, effort = (f"rms of {letter(n)} [{typeset_unit(unit)}]" for n, unit in signals)
     rows = [
         {"controller": k["kind"], **{letter(n): number(k["weights"].get(n)) for n in weights},
          "holds": f"{d['held']} of {d['draws']} draws", "gain margin [dB]": number(d["gain_margin"], ".3g"),
-         "phase margin [°]": number(d["phase_margin"], ".3g")} for d in designs for k in [d["controller"]]
+         "phase margin [°]": number(d["phase_margin"], ".3g"), error: number(d.get("error"), ".3g"),
+         effort: number(d.get("effort"), ".3g")} for d in designs for k in [d["controller"]]
     ]  # fmt: skip
     facts = (f"{1 / c['period']:.4g} Hz", f"{c['input']} up to {with_unit(c['most'], c['unit'])}",
              f"delay {1e3 * c['delay']:.3g} ms", f"seed {record['seed']}")  # fmt: skip
