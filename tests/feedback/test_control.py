@@ -118,17 +118,18 @@ def test_a_delay_of_samples_and_a_part_is_that_of_a_finer_grid(upright):
 
 @pytest.mark.broad
 def test_of_a_rig_that_rests_by_itself_the_controller_that_brings_it_back_is_chosen():
-    spring = Equations({"x": "v", "v": "force - 40*x - 0.1*v"}, {"x": "m"}, {"force": "N"})
-    model = spring.model("spring", [])
-    problem = twin(model, orders={}, inputs=6 * np.sin(np.arange(500))[:, None])
+    motion = {"x": Equation("v"), "v": Equation("pull - 40*x - 0.1*v", "q")}
+    model = Equations(motion, {"x": Equation("x")}, {"pull": ""}).model("spring", [])
+    problem = twin(model, orders={"q": 1.0}, inputs=6 * np.sin(np.arange(500))[:, None])
     found = fracid.control(fit_of(problem), limit=6.0, at={"x": 0.02}, off={"x": 0.05}, draws=1, seconds=3.0)
     least = max(found.tried, key=lambda d: d.distance)
     assert found.design.error < 0.7 * least.error
     assert found.design.distance > 0.5
-    assert "holds rest at x = 0.02 m in 1 of 1 draws" in found.sentence
+    assert "holds rest at x = 1.146° in 1 of 1 draws" in found.sentence
     assert f"about {found.conditions.place}" in c_controller(found)
 
 
+@pytest.mark.broad
 def test_presliding_joints_are_held_too():
     joint = fracid.model("joint", gravity=0.1, coulomb_angle=0.02, presliding_angle=0.01)
     torque = np.sin(np.arange(500))[:, None] * (np.arange(len(joint.inputs)) == 0)
