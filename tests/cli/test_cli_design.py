@@ -1,6 +1,7 @@
 """``fracid design``: of a run, of a project and of a rig; as a table, JSON and a sheet; refusals."""
 
 import json
+import tomllib
 
 import numpy as np
 import pytest
@@ -47,7 +48,19 @@ def test_of_a_run_it_prints_the_plan_and_writes_the_sheet_beside_it(capsys, fold
     assert float(row.partition("95 % interval ")[2].split()[0]) > 1.5  # times narrower
     assert "release from 100°" in out
     assert {"sheet.txt", "next.toml", "plan.json"} <= {p.name for p in (folder / "run" / "design").iterdir()}
-    assert '[model]\nrig = "srv02-rotpen"\n' in (folder / "run" / "design" / "next.toml").read_text(encoding="utf-8")
+    project = (folder / "run" / "design" / "next.toml").read_text(encoding="utf-8")
+    assert '[model]\nrig = "srv02-rotpen"\n' in project
+    assert " times narrower than ± " in row
+
+
+def test_the_next_project_fits_the_recordings_so_far_and_those_to_come(capsys, folder):
+    assert run(capsys, "design", folder / "rig.toml", "--experiments", "1", *QUICK, "--out", folder / "next")[0] == 0
+    project = tomllib.loads((folder / "next" / "next.toml").read_text(encoding="utf-8"))
+    first, second = project["recording"]
+    assert (first["name"], second["name"]) == ("release 20°", "2: 100°")
+    assert (folder / "next" / first["file"]).resolve() == (folder / "swing.csv").resolve()
+    assert (first["initial"]["alpha"], second["file"]) == (0.35, "recording-1.csv")
+    assert project["fit"]["initial_state"] == "rest"  # as the new one, which is no less than what "held" finds
 
 
 def test_a_plan_compares_with_the_intervals_that_the_run_states(folder):

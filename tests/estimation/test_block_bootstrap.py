@@ -12,7 +12,7 @@ from fracid.estimation.agreement import spread
 from fracid.estimation.block_bootstrap import Bootstrap, bootstrap, resampled
 from fracid.estimation.covariance import residual_bandwidth, uncertainty
 from fracid.estimation.profile_walk import refit
-from fracid.problem import Free, Problem
+from fracid.problem import Free, Prior, Problem
 from fracid.problem.costs import COSTS, Cost
 from twins import release
 
@@ -83,6 +83,16 @@ def test_one_step_draws_scatter_as_the_sandwich_says(cost, rho):
         assert high - low == pytest.approx(2 * 1.96 * drawn.standard_error[i], rel=0.15)
     if rho > 0:
         assert np.all(drawn.standard_error > 2 * known.white)
+
+
+def test_draws_scatter_with_the_prior_as_the_sandwich_says():
+    narrow = Free(0.95, 0.5, 1.2, prior=Prior(0.95, 1.0))
+    p, x = fitted(swing(end=1.0), orders={"lambda": 0.9, "mu": narrow})
+    sd = float(uncertainty(p, x).standard_error[0])  # of the recording alone
+    p, x = fitted(swing(end=1.0), orders={"lambda": 0.9, "mu": replace(narrow, prior=Prior(0.95, sd))})
+    both = bootstrap(p, x).standard_error[0]
+    assert both == pytest.approx(sd / np.sqrt(2), rel=0.15)
+    assert both == pytest.approx(uncertainty(p, x).standard_error[0], rel=0.15)
 
 
 def test_what_lies_at_a_bound_is_left_alone():

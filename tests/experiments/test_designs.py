@@ -373,7 +373,7 @@ def test_files_of_a_plan_have_the_names_and_units_of_what_is_in_them(tmp_path):
     assert "plate [K],plate low [K],plate high [K]" in (tmp_path / "expected-1.csv").read_text("utf-8")
     sheet = (tmp_path / "sheet.txt").read_text("utf-8")
     assert "play heater-1.csv; " in sheet
-    assert "together with the recordings so far" in sheet
+    assert "together with the recordings so far: add those to next.toml." in sheet
     assert 'plate = { column = "plate", unit = "K" }' in (project := (tmp_path / "next.toml").read_text("utf-8"))
     assert "initial = { block = { start = 18.0, lower = 0.0, upper = 40.0 } }" in project
 

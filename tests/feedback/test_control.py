@@ -117,6 +117,19 @@ def test_a_delay_of_samples_and_a_part_is_that_of_a_finer_grid(upright):
 
 
 @pytest.mark.broad
+def test_of_a_rig_that_rests_by_itself_the_controller_that_brings_it_back_is_chosen():
+    motion = {"x": Equation("v"), "v": Equation("pull - 40*x - 0.1*v", "q")}
+    model = Equations(motion, {"x": Equation("x")}, {"pull": ""}).model("spring", [])
+    problem = twin(model, orders={"q": 1.0}, inputs=6 * np.sin(np.arange(500))[:, None])
+    found = fracid.control(fit_of(problem), limit=6.0, at={"x": 0.02}, off={"x": 0.05}, draws=1, seconds=3.0)
+    least = max(found.tried, key=lambda d: d.distance)
+    assert found.design.error < 0.7 * least.error
+    assert found.design.distance > 0.5
+    assert "holds rest at x = 1.146° in 1 of 1 draws" in found.sentence
+    assert f"about {found.conditions.place}" in c_controller(found)
+
+
+@pytest.mark.broad
 def test_presliding_joints_are_held_too():
     joint = fracid.model("joint", gravity=0.1, coulomb_angle=0.02, presliding_angle=0.01)
     torque = np.sin(np.arange(500))[:, None] * (np.arange(len(joint.inputs)) == 0)
@@ -295,6 +308,7 @@ UNDRIVEN = replace(fracid.model("pendulum"), inputs=(), input_units={})
         (twin(), {"rate": 0}, "rate = 0: expected a number above 0"),
         (twin(), {"limit": -5.0}, "limit = -5.0: expected a number above 0"),
         (twin(), {"delay": -1.0}, "delay = -1.0: expected a number of seconds, 0 or more"),
+        (twin(), {"off": {"angle": 0.0}}, "begins at the posture shows nothing: give --off angle a value other than 0"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_controlled_is_refused_in_a_sentence(problem, how, words):

@@ -102,7 +102,7 @@ SAYS = {
         "1 experiment for",
         "1 × release.",
         "Expected 95 % interval of μ ± 0.0020, 10 times",
-        "10 times narrower than today",
+        "10 times narrower than ±",
         "not shown by this plan",
         "practically non-identifiable",
     ),

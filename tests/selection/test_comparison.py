@@ -21,7 +21,7 @@ from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.costs import COSTS, Cost
 from fracid.selection.comparison import compare
 from fracid.selection.comparison_records import Comparison, OrderOfRow, Row, Score, mean_rmse
-from fracid.selection.comparison_verdict import verdict_of
+from fracid.selection.comparison_verdict import integer_does_as_well, not_helped, verdict_of
 from fracid.selection.ladder import OWN, PAPER, assignment, held, ladder, name_of, unseen
 from fracid.selection.step import quiet_substeps
 from fracid.signals.left_over import LeftOver
@@ -642,6 +642,36 @@ def result(rows):
 )
 def test_the_verdict_counts_recordings_and_runs_that_fail(integer, free, says):
     assert says in verdict_of(result((row("viscous", False, integer), row("viscous", True, free))))
+
+
+@pytest.mark.parametrize(
+    ("cost", "parameters", "integer"),
+    [(0.1001, 5, True), (0.1001, 9, False), (0.102, 5, False)],
+)
+def test_what_predicts_as_well_is_integer_only_where_it_explains_the_fitted_recordings_as_well(
+    cost, parameters, integer
+):
+    plain = replace(row("two Maxwell", False, [0.0101], bic=30.0), cost=cost, parameters=parameters)
+    found = result((plain, row("viscous", True, [0.01])))
+    verdict = verdict_of(found)
+    assert integer_does_as_well(found) is integer
+    assert verdict.startswith("Orders make no difference" if integer else "Held-out recordings do not decide")
+    assert ("less well (BIC 30 higher)" in verdict) is not integer
+    assert not [*not_helped(found)]
+
+
+def test_without_a_criterion_held_out_recordings_decide_alone():
+    rows = (row("viscous", False, [0.01], bic=math.inf), row("viscous", True, [0.01], bic=math.inf))
+    assert verdict_of(result(rows)).startswith("Orders make no difference")
+    assert integer_does_as_well(result(rows))
+
+
+def test_an_integer_structure_that_explains_and_predicts_as_well_counts_beside_one_that_predicts_better():
+    best = replace(row("viscous", False, [0.0056], bic=152.0), cost=0.02)
+    other = replace(row("one RC branch", False, [0.0058]), cost=0.0014, parameters=6)
+    orders = replace(row("viscous", True, [0.011], bic=17.0), cost=0.002)
+    assert integer_does_as_well(result((best, other, orders)))
+    assert not integer_does_as_well(result((best, orders)))
 
 
 def test_orders_that_are_1_within_their_intervals_are_said_to_be():

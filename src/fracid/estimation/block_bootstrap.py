@@ -5,9 +5,9 @@ blocks of l neighbouring residuals, all outputs together, laid end to end, less 
 that their correlation in time outlives the shuffling.  l is five correlation times (Sokal's window, as in
 :mod:`fracid.estimation.covariance`), so that a block's sum knows its scatter to some 10 %.  One Newton step with the
 Jacobian of the minimum, :math:`\hat x + A^{-1} \sum_t w_t ρ'(e^*_t) J_t`, fits the model to each such record:
-thousands of draws in a second.  They see the noise.  How the model bends is seen by profiles
-(:mod:`fracid.estimation.cost_profile`), and what the noise of a start does that is taken from the first samples by
-:func:`fracid.estimation.curvature.start_shift`.
+thousands of draws in a second.  A prior is a datum too: its mean is drawn again with its standard deviation.  The draws
+see the noise.  How the model bends is seen by profiles (:mod:`fracid.estimation.cost_profile`), and what the noise of a
+start does that is taken from the first samples by :func:`fracid.estimation.curvature.start_shift`.
 
 The interval lies between the 2.5 % and 97.5 % quantiles of the draws.  It assumes that the residuals scatter alike all
 along the record; the sandwich does not, and where the two differ by much, they do not.
@@ -28,7 +28,7 @@ from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
 from fracid.errors import Failure, InputError, at_least
 from fracid.estimation.covariance import METHODS, at_bound, residual_bandwidth, sandwich
-from fracid.estimation.derivatives import jacobian, loss_of, scores_of
+from fracid.estimation.derivatives import jacobian, loss_of, prior_curvature, scores_of
 from fracid.estimation.likelihood_record import BootstrapBlock
 from fracid.problem import Problem
 from fracid.problem.checks import require_free
@@ -134,9 +134,12 @@ def bootstrap(
         if isinstance(J, Failure) or isinstance(shape, Failure):
             raise InputError(f"There is no Newton step: {J if isinstance(J, Failure) else shape}.")
         median = loss_of(problem).centre == "median"  # on that the minimum rests
+        prior, level = prior_curvature(problem, errors, free)
         for point, rng in zip(points, np.random.default_rng(seed).spawn(draws), strict=True):
             samples = [resampled(e, length, rng, median=median) for e in errors]
-            point[free] -= shape.inverse @ np.sum([s.sum(axis=0) for s in scores_of(problem, samples, J)], axis=0)
+            pull = np.sqrt(2 * level * prior) * rng.standard_normal(len(free))
+            pull += np.sum([s.sum(axis=0) for s in scores_of(problem, samples, J)], axis=0)
+            point[free] -= shape.inverse @ pull
     blocks = sum(len(e) // length for e in errors)
     warning = (f"The residuals are autocorrelated over {length} samples, which leaves {blocks} blocks: the bootstrap's "
                "intervals are too narrow.") if blocks < FEW_BLOCKS else ""  # fmt: skip

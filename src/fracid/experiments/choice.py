@@ -182,7 +182,7 @@ def subject_of(
 def _tables(project: Project) -> dict[str, Any]:
     """The tables of a project file that a plan's own projects begin with."""
     content = tomllib.loads(project.text)
-    return {"model": content.get("model", {}), "recording": content["recording"][0]}
+    return {"model": content.get("model", {}), "recording": content["recording"], "home": project.path.parent}
 
 
 # --- the information of candidates -----------------------------------------------------------------------

@@ -4,7 +4,7 @@
 file                    holds
 ======================  =========================================================================================
 ``sheet.txt``           the experiments one after the other, and the expected intervals
-``next.toml``           a project for the recordings to come, at the values of now
+``next.toml``           a project for the recordings so far and to come, at the values of now
 ``next-clamped.toml``   the same of those with the arm clamped
 ``voltage-N.csv``       the input of experiment N, by its name, to be played
 ``expected-N.csv``      what experiment N should show, with its 95 % band
@@ -35,7 +35,7 @@ from fracid.experiments.subject import VAGUE, Subject, driven
 from fracid.figures import Figure, Style, draw
 from fracid.fit import Fit
 from fracid.models.rigs import CLAMPED
-from fracid.problem.toml_text import plain_value, toml_document
+from fracid.problem.toml_text import plain_value, reached, toml_document
 from fracid.problem.unknowns import Value as Given
 from fracid.quantiles import NORMAL_95, normal_interval
 from fracid.recording import Recording
@@ -48,6 +48,9 @@ from fracid.units import half_of, letter
 
 SIGNALS = ("time", "variable", "resample")
 """Keys of a recording's table that the next one has too, beside its signals."""
+
+TIMES = 1.5
+"""From here on an interval is so many times narrower, and below by so many per cent."""
 
 MOST_ROWS = 3
 """Of experiments on a card's text."""
@@ -184,7 +187,7 @@ class Plan(CardDisplay, Record):
         texts = {"sheet.txt": _sheet(self), "plan.json": json_document(self.to_json())}
         for arm, name in (("free", "next.toml"), ("clamped", "next-clamped.toml")):
             own = {k: c for k, c in enumerate(self.experiments, 1) if c.arm == arm}
-            texts |= {name: _project(self.subject, own)} if own else {}
+            texts |= {name: _project(self.subject, own, folder)} if own else {}
         signals = {}  # before anything is written: a sheet without them is of no use
         for curve in curves:
             number, note = self.experiments.index(curve.candidate) + 1, str(curve.candidate)
@@ -230,7 +233,8 @@ class Plan(CardDisplay, Record):
         """With what is known now, and with the integer-order alternatives."""
         gains = self.gain_over()
         if any(math.isfinite(g) for g in gains.values()):
-            yield "than now", listed(f"{letter(n)} {_times(gains[n])}" for n in named if n in gains)
+            now = {n: v.standard_error_now for n, v in self.expected.items()}
+            yield "than now", listed(f"{letter(n)} {narrower(gains[n], now[n])}" for n in named if n in gains)
         if self.distances:
             nearest = min(self.distances, key=self.distances.__getitem__)
             away = f"stays {self.distances[nearest]:.3g} standard deviations away"
@@ -239,8 +243,22 @@ class Plan(CardDisplay, Record):
             yield "alternative", f"the nearest, with {nearest}, {away}{off}"
 
 
-def _times(factor: float) -> str:
-    return f"{factor:.2g} times narrower" if math.isfinite(factor) else "had no interval"
+def narrower(factor: float, standard_error: float | None) -> str:
+    """By how much an interval becomes narrower, or wider, than that of now, whose standard error is given.
+
+    Examples
+    --------
+    >>> for factor in (7.31, 1.2, 0.9):
+    ...     print(narrower(factor, 0.0062))
+    7.3 times narrower than ± 0.012
+    17 % narrower than ± 0.012
+    11 % wider than ± 0.012
+    """
+    if standard_error is None:
+        return "had no interval"
+    change = 100 * (1 / factor - 1)
+    by = f"{factor:.2g} times" if factor >= TIMES else f"{abs(change):.2g} %"
+    return f"{by} {'wider' if change > 0 else 'narrower'} than ± {NORMAL_95 * standard_error:.2g}"
 
 
 # --- the sheet ----------------------------------------------------------------------------------------------
@@ -303,26 +321,30 @@ def _sheet(plan: Plan) -> str:
         lines += ["", "Recordings with the arm clamped are a project of their own. Fit next-clamped.toml first, and",
                   "give next.toml what it finds as prior = { mean = ..., sd = ... }."]  # fmt: skip
     lines += ["", "Then: fracid check recording-1.csv, and fracid fit next.toml."]
-    so_far = "Expected are the intervals of a fit of these together with the recordings so far."
-    lines += [so_far] if plan.subject.intervals else []
+    so_far = "Expected are the intervals of a fit of these together with the recordings so far"
+    lines += [f"{so_far}{'.' if plan.subject.table else ': add those to next.toml.'}"] * bool(plan.subject.intervals)
     return "\n".join(lines) + "\n"
 
 
 # --- the project file --------------------------------------------------------------------------------------
 
 
-def _project(subject: Subject, experiments: Mapping[int, Candidate]) -> str:
-    """A project for recordings that are not there yet."""
+def _project(subject: Subject, experiments: Mapping[int, Candidate], folder: Path) -> str:
+    """A project for recordings that are not there yet, beside those so far, which no clamped arm has made."""
     p, table = subject.problem, subject.table.get("model", {})
+    clamped = any(c.arm == "clamped" for c in experiments.values())
+    recordings = [] if clamped else [r | {"file": reached(r["file"], subject.table["home"], folder)}
+                                     for r in subject.table.get("recording", ())]  # fmt: skip
+    begin = {subject.space.initial_state, *[p.initial_state] * bool(recordings)}  # what says least says it for all
+    state = begin.pop() if len(begin) == 1 else "rest" if begin == {"rest", "held"} else "estimate"
     own = {k: v for k, v in table.items() if k not in ("parameters", "orders")}
     actuation = {"actuation": p.model.inputs[0]} if p.model.name == "rotary-pendulum" and p.model.inputs else {}
     head = own or {"name": p.model.name, **({"zero": p.model.zero} if p.model.zero else {}), **actuation}
     values: dict[str, Given] = {} if own.get("rig") else {q.name: q.value for q in p.model.parameters}
     values |= p.parameters
-    if any(c.arm == "clamped" for c in experiments.values()):
+    if clamped:
         values["J_theta"] = CLAMPED
-    fit = {"outputs": [*subject.outputs], "initial_state": subject.space.initial_state, "weights": p.weights,
-           "method": p.method}  # fmt: skip
+    fit = {"outputs": [*subject.outputs], "initial_state": state, "weights": p.weights, "method": p.method}
     if p.per_recording:
         fit["per_recording"] = list(p.per_recording)
     said = [f"# Planned by fracid design for {subject.name}: put the recordings where file = ... says, then fit."]
@@ -331,16 +353,19 @@ def _project(subject: Subject, experiments: Mapping[int, Candidate]) -> str:
     given = {"parameters": values, "orders": p.orders}
     plain = {name: {n: plain_value(v, own=table.get(name, {}).get(n)) for n, v in some.items()}
              for name, some in given.items()}  # fmt: skip
-    recordings = [_recording(subject, k, c) for k, c in experiments.items()]
+    recordings += [_recording(subject, k, c, state) for k, c in experiments.items()]
     return "\n".join([*said, toml_document({"model": {**head, **plain}, "recording": recordings, "fit": fit})])
 
 
-def _recording(subject: Subject, number: int, c: Candidate) -> dict[str, Any]:
-    """The table of one experiment, with what the recording so far says of its signals."""
-    p, known, outputs = subject.problem, subject.table.get("recording", {}), subject.outputs
+def _recording(subject: Subject, number: int, c: Candidate, state: str) -> dict[str, Any]:
+    """The table of one experiment, with what the recordings so far say of its signals; it starts without rates."""
+    p, outputs, so_far = subject.problem, subject.outputs, subject.table.get("recording", [])
+    known = so_far[0] if so_far else {}
+    still = () if subject.space.initial_state == state else p.model.rates.values()
+    initial = dict.fromkeys((p.model.states[i] for i in still), 0.0) | subject.initial(c)
     entries: dict[str, Any] = {
-        "name": f"{number}: {f'{c.release:g}°' if c.release else c.voltage}", "file": f"recording-{number}.csv",
-        "initial": {n: plain_value(v) for n, v in subject.initial(c).items()},
+        "name": f"{len(so_far) + number}: {f'{c.release:g}°' if c.release else c.voltage}",
+        "file": f"recording-{number}.csv", "initial": {n: plain_value(v) for n, v in initial.items()},
         "parameters": {**p.experiments[0].constants, **dict(c.constants)},
     }  # fmt: skip
     signals = {n: known[n] for n in (*SIGNALS, *outputs) if n in known}

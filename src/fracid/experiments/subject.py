@@ -75,7 +75,7 @@ class Subject:
     name: str
     """What the plan is for, in words."""
     table: Mapping[str, Any]
-    """The project file's tables ``model`` and ``recording`` (the first), as far as there is one."""
+    """The project file's table ``model``, its list ``recording`` and its folder ``home``, as far as there is one."""
     space: DesignSpace
     """What can be done on it."""
     jobs: int = 1

@@ -1,8 +1,9 @@
 """A controller of an identified model, and over which part of what is known of the model it holds.
 
 Designs are tried on the first of some draws of the unknowns; the one that holds on most of them, and of equals the one
-with the greatest distance from instability, is tried on all.  A trial is a simulation of the fractional model with all
-its friction, with delay, encoder, noise, sampling and limits as found (:mod:`fracid.solver.closed_loop`).
+with the least error and input for its distance from instability, is tried on all: what rests by itself is farthest from
+instability where nothing is done.  A trial is a simulation of the fractional model with all its friction, with delay,
+encoder, noise, sampling and limits as found (:mod:`fracid.solver.closed_loop`).
 """
 
 from __future__ import annotations
@@ -107,7 +108,7 @@ class Control(ControlRecord, CardDisplay):
 
     def _card(self) -> Card:
         c, d = self.conditions, self.design
-        return Card(f"Control of {self.model} about {c.posture}", (
+        return Card(f"Control of {self.model} about {c.place}", (
             ("verdict", self.sentence),
             ("controller", f"{d.controller.kind}, {len(d.controller.A)} states, {1 / c.period:.4g} Hz"),
             ("gain margin", margin_text(d.gain_margin, self.gain_margin95, "dB")),
@@ -275,6 +276,8 @@ def conditions_of(
     first = model.pendulum if model.pendulum in outputs else outputs[-1]
     away = dict(off or {}) or {first: begins * (1.0 if units[first] == "rad" else float(np.ptp(y[first])) or 1.0)}
     refuse_unknown("output", outputs, *away, *within)
+    if not next(iter(away.values())):
+        raise InputError(SAYS("begins-at-rest", name=next(iter(away))))
     far = {n: FALLEN if n == model.pendulum else 10 * abs(away[n]) if n in away else math.inf for n in outputs}
     period = e.step if rate is None else 1 / rate
     conditions = Conditions(
@@ -408,6 +411,8 @@ def planned(
     """What is to be tried; refuses what cannot be controlled."""
     designs, begins = entry_of("kind of controller", KINDS, kind)
     closed, unseen = conditions_of(fit.problem, fit.x, begins=begins, **loop), np.empty((0, 0))
+    if (c := closed.conditions).authority <= 0:
+        raise InputError(SAYS("at-rest", c=c, needed=with_unit(c.at_rest, c.unit), most=with_unit(c.most, c.unit)))
     if points is None:
         points, unseen = draws_of(fit.problem, fit.x, draws, seed, jobs=jobs)
     _refuse_unseen(closed, unseen)
@@ -430,7 +435,8 @@ class Plan:
         trials = self._tried(self.designs, range(first), Part("trials", 0, total), how)
         tried = tuple(_design(self.loop, d, t) for d, t in zip(self.designs, trials, strict=True))
         up = [float(np.median([t.up for t in some if t.holds] or [0.0])) for some in trials]
-        best = max(range(len(tried)), key=lambda i: (tried[i].held, -up[i], tried[i].distance))
+        worth = [d.distance**2 / c.weighed(d.error, d.effort) for d in tried]
+        best = max(range(len(tried)), key=lambda i: (tried[i].held, -up[i], worth[i]))
         if not tried[best].held and self.designs[0].swing:
             raise InputError(_not_up(self.loop, self.designs, first, self.seed))
         if not tried[best].held:
@@ -446,7 +452,7 @@ class Plan:
         return Control(
             self.loop.problem.model.name, c, _design(self.loop, chosen, judged), tried, trials=judged,
             worst=self.loop.problem.named(self.points[worst]), worst_draw=worst, seed=self.seed,
-            share95=binomial95(sum(t.holds for t in judged), len(judged)), notes=(*self._notes(trials, chosen),),
+            share95=binomial95(sum(t.holds for t in judged), len(judged)), notes=(*self._notes(tried, chosen),),
             loop=self.loop,
         )  # fmt: skip
 
@@ -461,15 +467,14 @@ class Plan:
         done = iter(run_tasks(self.loop.trial, tasks, part=part, **how).values())
         return [[record_of(Trial, next(done)) for _ in draws] for _ in designs]
 
-    def _notes(self, trials: Sequence[Sequence[Trial]], chosen: Controller) -> Iterator[str]:
+    def _notes(self, tried: Sequence[Design], chosen: Controller) -> Iterator[str]:
         """What it rests on, what a FOPID brings beside a PID of the same effort, and how many swings it takes."""
-        loop, kinds = self.loop, {d.kind: t for d, t in zip(self.designs, trials, strict=True)}
+        loop, kinds = self.loop, {d.controller.kind: d for d in tried}
         if not any(np.any(e.all_inputs) for e in loop.problem.experiments):
             yield f"Nothing drove the recordings: what {loop.conditions.input} does rests on constants that were given."
         if set(kinds) == {"PID", "FOPID"}:
-            whole, part = (np.median([(t.error, t.effort) for t in kinds[n]], axis=0) for n in ("PID", "FOPID"))
-            error, effort = part / whole
-            yield SAYS("fopid", error=error, effort=effort)
+            part, whole = kinds["FOPID"], kinds["PID"]
+            yield SAYS("fopid", error=part.error / whole.error, effort=part.effort / whole.effort)
         if chosen.swing:  # at the fitted values
             time, y, _ = loop.run(loop.x, chosen, self.seed)
             up = loop.trial(loop.x, chosen, self.seed)["up"]
@@ -483,10 +488,8 @@ def _regulators(loop: ClosedLoop, _seed: int) -> list[Controller]:
     allowed = np.array([c.within[n] or max(map(abs, c.off.values())) for n in c.outputs])
     noise = np.array([math.hypot(c.noise[n], c.quanta[n] / math.sqrt(12)) for n in c.outputs])
     noise = np.maximum(noise, 1e-4 * allowed)
-    most = min(c.most - c.at_rest, c.at_rest - c.least)
-    if most <= 0:
-        raise InputError(SAYS("at-rest", c=c, needed=with_unit(c.at_rest, c.unit), most=with_unit(c.most, c.unit)))
-    return [regulator(loop.fitted, c.period, allowed, most, noise, *w) for w in itertools.product(*WEIGHTS.values())]
+    weights = itertools.product(*WEIGHTS.values())
+    return [regulator(loop.fitted, c.period, allowed, c.authority, noise, *w) for w in weights]
 
 
 def _loops(loop: ClosedLoop, seed: int) -> list[Controller]:
@@ -498,11 +501,11 @@ def _loops(loop: ClosedLoop, seed: int) -> list[Controller]:
     """
     c = loop.conditions
     name = next(iter(c.off))
-    place, off, most = c.outputs.index(name), c.off[name], min(c.most - c.at_rest, c.at_rest - c.least)
+    place = c.outputs.index(name)
     early = loop.fitted.linear.exact_response(np.array([-0.5j / c.period]))[0, place, loop.channel].real
 
     def made(z: FloatArray, orders: tuple[float, float] = (1.0, 1.0), kind: str = "PID") -> Controller:
-        gains = math.copysign(most / abs(off), early) * 10**z * np.array([1.0, 1.0, 0.1])
+        gains = math.copysign(c.authority / abs(c.off[name]), early) * 10**z * np.array([1.0, 1.0, 0.1])
         return pid(gains.tolist(), orders, c.period, place, outputs=len(c.outputs), kind=kind)
 
     def ran(controller: Controller) -> tuple[float, float, float]:
@@ -517,7 +520,7 @@ def _loops(loop: ClosedLoop, seed: int) -> list[Controller]:
         held, error, effort = ran(controller)
         near = max(0.0, 1 - margins(loop.fitted, controller)[2] / distance) if distance else 0.0
         short = max(0.0, 1 - held / (c.seconds - 1.5 * c.period)) + max(0.0, effort / allowed - 1) + near
-        return (error / off) ** 2 + (effort / most) ** 2 + 10 * short
+        return c.weighed(error, effort) + 10 * short
 
     def refined(z: FloatArray, *of: Any) -> Any:
         return minimize(judged, z, of, method="Nelder-Mead", options={"maxfev": TRIES})
@@ -583,4 +586,6 @@ KINDS = {"lqr": (_regulators, OFF), "pid": (_loops, OFF), "swing": (_swings, HAN
 def _design(loop: ClosedLoop, controller: Controller, trials: Sequence[Trial]) -> Design:
     held = sum(t.holds for t in trials)
     gain, phase, distance = margins(loop.fitted, controller)
-    return Design(controller, len(trials), held, json_number(gain), phase_margin=phase, distance=distance)
+    error, effort = np.median([(t.error, t.effort) for t in trials], axis=0).tolist()
+    return Design(controller, len(trials), held, json_number(gain), phase_margin=phase, distance=distance, error=error,
+                  effort=effort)  # fmt: skip

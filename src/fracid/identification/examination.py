@@ -66,9 +66,10 @@ from fracid.findings import Finding, Note, Words
 from fracid.optimise import Entry, Evaluation, Outcome
 from fracid.problem import Experiment, Problem
 from fracid.safety.door import own_text
+from fracid.selection.bic import SAME
 from fracid.selection.claim import FLOOR, Claim, claim_of, no_run, orders_found
 from fracid.selection.fractional_element import fractional_element
-from fracid.selection.integer_alternatives import SAME, integer_alternatives
+from fracid.selection.integer_alternatives import integer_alternatives
 from fracid.selection.integer_rival import Alternative, beside_fit, claimable_values, integer_values
 from fracid.selection.opened_bounds import LOWER, open_bounds
 from fracid.selection.residual_noise import leftovers

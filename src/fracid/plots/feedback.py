@@ -52,8 +52,8 @@ def control_loop(control: ControlRecord, *, style: str | Style = "screen") -> Fi
     for i, (n, colour) in enumerate(zip(c.outputs, (GREEN, ORANGE, INK, "0.6"), strict=False)):
         unit, factor = axis_unit(c.units[n])
         motion.plot(time, factor * y[:, i], color=colour, label=f"{symbol(n)} [{unit}]")
-    label(motion, "motion of the worst draw", "time [s]", f"from {c.posture}")
+    label(motion, "motion of the worst draw", "time [s]", f"from {c.place}")
     drive.step(time, u, where="post", color=INK, lw=0.7)
     label(drive, "its input", "time [s]", f"{plain(c.input)} [{c.unit}]")
     held = f"{control.design.held} of {control.design.draws} draws hold"
-    return finish(figure, f"{plain(control.model)}, {c.posture}: {held}")
+    return finish(figure, f"{plain(control.model)}, {c.place}: {held}")

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 from fracid.problem.unknowns import Free, Tied, Value
@@ -45,6 +47,19 @@ def toml_document(tables: Mapping[str, Any]) -> str:
     <BLANKLINE>
     """
     return "\n\n".join("\n".join(part) for name, table in tables.items() for part in _parts(name, table)) + "\n"
+
+
+def reached(file: str, home: Path, folder: Path) -> str:
+    """What a project file in the folder `home` calls so, as one in another folder calls it.
+
+    Examples
+    --------
+    >>> reached("data/swing.csv", Path("rigs"), Path("runs/design"))
+    '../../rigs/data/swing.csv'
+    """
+    if Path(file).is_absolute():
+        return file
+    return os.path.relpath(home.resolve() / file, folder.resolve()).replace(os.sep, "/")
 
 
 def _parts(name: str, table: Any) -> Iterator[list[str]]:

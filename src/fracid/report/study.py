@@ -24,7 +24,7 @@ from markupsafe import Markup
 from fracid.errors import writing
 from fracid.estimation.cost_profile import Profiles
 from fracid.estimation.likelihood_record import Likelihood
-from fracid.experiments.plan import Plan
+from fracid.experiments.plan import Plan, narrower
 from fracid.report.charts import Axis
 from fracid.report.drawing import drawn
 from fracid.report.frame import rendered
@@ -107,15 +107,16 @@ def _compared(record: Mapping[str, Any]) -> Found:
 def _planned(record: Mapping[str, Any]) -> Found:
     count = len(record["experiments"])
     gains = record["gain"]
-    narrower = {n: f"95 % interval {number(g, '.2g')} times narrower than today" for n, g in gains.items() if g}
-    rows = [_row(n, v, v["identifiable"], narrower.get(n, "")) for n, v in record["expected"].items()]
+    change = {n: f"{narrower(gains[n], v['standard_error_now'])} today" for n, v in record["expected"].items()
+              if gains.get(n)}  # fmt: skip
+    rows = [_row(n, v, v["identifiable"], f"95 % interval {change[n]}" if n in change else "")
+            for n, v in record["expected"].items()]  # fmt: skip
     away = {"Distance of the integer-order alternatives": [
         {"alternative": n, "standard deviations": number(d, ".3g")} for n, d in record["distances"].items()
     ]} if record.get("distances") else {}  # fmt: skip
     plan = Counter(str(c["text"]) for c in record["experiments"])
     todo = "; ".join(f"{times} × {text}" for text, times in plan.items())
-    aims = (f"{letter(n)} {interval(record['expected'][n])}, {number(gains[n], '.2g')} times narrower than today"
-            for n in record["of"] if gains.get(n))  # fmt: skip
+    aims = (f"{letter(n)} {interval(record['expected'][n])}, {change[n]}" for n in record["of"] if n in change)
     each = ", ".join(f"{letter(n)} {distance:.3g}" for n, distance in (record["alone"] or {}).items())
     more = f", {record['excluded']} more excluded" * bool(record["excluded"])
     alone = [f"Where one order alone is fractional: {each}."] * ("," in each)
@@ -203,10 +204,14 @@ def _error(name: str, s: Mapping[str, Any]) -> dict[str, str]:
 def _controlled(record: Mapping[str, Any]) -> Found:
     c, designs = record["conditions"], (*record["tried"], record["design"])
     weights = dict.fromkeys(n for d in designs for n in d["controller"]["weights"])
+    off = next(iter(c["off"]), "")
+    signals = (off, c["units"].get(off, "1")), (c["input"], c["unit"])
+    error, effort = (f"rms of {letter(n)} [{typeset_unit(unit)}]" for n, unit in signals)
     rows = [
         {"controller": k["kind"], **{letter(n): number(k["weights"].get(n)) for n in weights},
          "holds": f"{d['held']} of {d['draws']} draws", "gain margin [dB]": number(d["gain_margin"], ".3g"),
-         "phase margin [°]": number(d["phase_margin"], ".3g")} for d in designs for k in [d["controller"]]
+         "phase margin [°]": number(d["phase_margin"], ".3g"), error: number(d.get("error"), ".3g"),
+         effort: number(d.get("effort"), ".3g")} for d in designs for k in [d["controller"]]
     ]  # fmt: skip
     facts = (f"{1 / c['period']:.4g} Hz", f"{c['input']} up to {with_unit(c['most'], c['unit'])}",
              f"delay {1e3 * c['delay']:.3g} ms", f"seed {record['seed']}")  # fmt: skip

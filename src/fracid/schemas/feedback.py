@@ -12,7 +12,8 @@ from pydantic import BeforeValidator
 
 from fracid.arrays import FloatArray
 from fracid.safety.json_files import json_number
-from fracid.safety.schema import Beside, Ends, Listed, Number, Record, _listed, computed
+from fracid.safety.schema import Beside, Ends, Listed, Number, Record, Unknown, _listed, computed
+from fracid.units import with_unit
 
 SECONDS = 10.0
 """Of a trial."""
@@ -128,6 +129,11 @@ class Design(Record):
     phase_margin: float
     """[°]"""
     distance: float
+    """Of the open loop from −1, at least: one over the maximum sensitivity."""
+    error: Unknown = math.nan
+    """Root mean square of the output that began off, less its reference: the median of the draws."""
+    effort: Unknown = math.nan
+    """That of the input less its value at the posture."""
 
 
 @dataclass(frozen=True)
@@ -164,6 +170,21 @@ class Conditions(Record):
     seconds: float = SECONDS
     at: dict[str, float] = field(default_factory=dict)
     """Outputs at the posture, as far as they were given."""
+
+    @property
+    def place(self) -> str:
+        """The posture in words, with what was given of it."""
+        at = " and ".join(f"{n} = {with_unit(v, self.units.get(n, '1'), '.4g')}" for n, v in self.at.items())
+        return f"{self.posture} at {at}" if at else self.posture
+
+    @property
+    def authority(self) -> float:
+        """The input that there is to either side of that at rest."""
+        return min(self.most - self.at_rest, self.at_rest - self.least)
+
+    def weighed(self, error: float, effort: float) -> float:
+        r"""The mean of :math:`(y/\bar y)^2 + (u/\bar u)^2`, of the output that began off by y̅ with the authority u̅."""
+        return (error / next(iter(self.off.values()))) ** 2 + (effort / self.authority) ** 2
 
 
 @dataclass(frozen=True, repr=False)
@@ -216,7 +237,7 @@ class ControlRecord(Record):
         """What was found."""
         low, high = (100 * v for v in self.share95)
         swung = "" if self.up95 is None else ", swung up after {:.3g} to {:.3g} s in 95 % of them".format(*self.up95)
-        holds = f"{self.design.controller.kind} holds {self.conditions.posture} in {self.design.held}"
+        holds = f"{self.design.controller.kind} holds {self.conditions.place} in {self.design.held}"
         return f"{holds} of {self.design.draws} draws (95 % interval {low:.3g} to {high:.3g} %){swung}."
 
 

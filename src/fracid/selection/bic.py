@@ -27,6 +27,32 @@ EVEN = 2.0
 """A difference below this is not worth more than a bare mention [2]_."""
 
 
+SAME = 5e-3
+"""A cost that is higher by this part is as good: so much do solvers, clocks and encoders differ."""
+
+
+def does_as_well(gain: float, cost: float, other: float, *, larger: bool, most: float = EVEN) -> bool:
+    """Whether a model of integer order explains the recordings as well as a fractional one.
+
+    Parameters
+    ----------
+    gain : float
+        Its criterion less that of the fractional model.
+    cost, other : float
+        Its cost, and that of the fractional model.
+    larger : bool
+        Whether it has more parameters: enough relaxations imitate an order over any record, at any cost.
+    most : float
+        A difference of the criterion that it may have.
+
+    Examples
+    --------
+    >>> [does_as_well(30.0, 1.001, 1.0, larger=larger) for larger in (False, True)]
+    [True, False]
+    """
+    return gain <= most or (not larger and cost <= (1 + SAME) * other)
+
+
 def schwarz(squares: float, parameters: int, samples: float, cost: Cost) -> float:
     """BIC, up to what all models of the same recordings have in common.
 

@@ -71,7 +71,7 @@ from fracid.selection.comparison_records import (
     best_of,
     drawn,
 )
-from fracid.selection.comparison_verdict import ORDERS_HELP, as_good_as_integer, not_helped, verdict_of
+from fracid.selection.comparison_verdict import ORDERS_HELP, integer_does_as_well, not_helped, verdict_of
 from fracid.selection.integer_alternatives import LEAST, TIMES, integer_alternatives
 from fracid.selection.integer_rival import Alternative
 from fracid.selection.ladder import PAPER, Ladder, Structure, assignment, ladder, name_of
@@ -695,8 +695,8 @@ def _claimed(study: _Study, comparison: Comparison, base: Problem) -> Comparison
     if not (fractional.fits or comparison.best(fractional=False).fits):
         none = claim_of(orders, None, fractional.left_over) if math.isfinite(fractional.cost) else no_run()
         return replace(comparison, claim=none.claim, claim_reasons=none.reasons)
-    if predicted := as_good_as_integer(comparison):
-        return replace(comparison, claim="integer", claim_reasons=(predicted,))
+    if integer_does_as_well(comparison):
+        return replace(comparison, claim="integer", claim_reasons=(comparison.verdict,))
     doubts = [*not_helped(comparison)]
     first = claim_of(orders, None, fractional.left_over, doubts, compared=True)
     if first.claim == "undecided" and not doubts and all(e.explained for e in fractional.left_over.values()):

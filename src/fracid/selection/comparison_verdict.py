@@ -11,7 +11,8 @@ lower by 2 % or more, on most recordings                   orders help on n of N
 no lower, but orders help viscous friction alone, and      Coulomb friction explains the data better than free
 viscous + Coulomb with orders 1 predicts better than that  orders
 within 2 %                                                 orders make no difference: the integer-order model predicts
-                                                           as well
+                                                           as well; or where it explains the fitted recordings less
+                                                           well, held-out recordings do not decide
 higher                                                     orders fit better and predict worse
 =========================================================  ============================================================
 
@@ -25,7 +26,7 @@ import math
 from collections.abc import Iterator, Mapping
 
 from fracid.findings import Note, Words
-from fracid.selection.bic import EVEN, STRONG
+from fracid.selection.bic import STRONG, does_as_well
 from fracid.selection.comparison_records import Comparison, Row, held_out_errors
 from fracid.units import half_of, letter, with_half_width
 
@@ -53,18 +54,18 @@ def verdict_of(comparison: Comparison, integers: Mapping[str, float | None] | No
 def _verdict_held_out(comparison: Comparison, integer: Row, fractional: Row) -> Note:
     ratio, N = ratio_of(fractional, integer), len(comparison.held_out)
     helped = sum(fractional.held_out[n].error < integer.held_out[n].error for n in comparison.held_out)
-    errors = {row.name: held_out_errors(row, comparison.units) for row in (fractional, integer)}
-    against = f"{fractional.name} ({errors[fractional.name]}) against {integer.name} ({errors[integer.name]})"
+    both = (f"{row.name} ({held_out_errors(row, comparison.units)})" for row in (fractional, integer))
     few = SAYS(f"few-{N}") if N in (1, 2) else ""
     if ratio < 1 - MARGIN and helped > N / 2:
         code = "orders-help"
-    elif ratio > 1 - MARGIN and (both := _replaced(comparison)):
-        return SAYS("replaced", ordered=both[0], dried=both[1], change=_change(ratio), few=few)
+    elif ratio > 1 - MARGIN and (errors := _replaced(comparison)):
+        return SAYS("replaced", ordered=errors[0], dried=errors[1], change=_change(ratio), few=few)
     elif abs(ratio - 1) <= MARGIN:
-        code = "same"
+        code = "same" if integer_does_as_well(comparison) else "same-held-out"
     else:
         code = "orders-help-some" if ratio < 1 else "worse" if math.isfinite(ratio) else "no-prediction"
-    return SAYS(code, helped=helped, N=N, percent=100 * abs(ratio - 1), against=against, few=few)
+    return SAYS(code, helped=helped, N=N, percent=100 * abs(ratio - 1), against=" against ".join(both), few=few,
+                gain=integer.bic - fractional.bic)  # fmt: skip
 
 
 def _replaced(comparison: Comparison) -> tuple[str, ...]:
@@ -124,14 +125,22 @@ def ratio_of(one: Row, other: Row) -> float:
     return 0.0 if not math.isfinite(other.error) else one.error / other.error
 
 
-def as_good_as_integer(comparison: Comparison) -> str:
-    """The verdict where a structure of integer order does as well or better; else nothing."""
-    integer, fractional = comparison.best(fractional=False), comparison.best(fractional=True)
-    if not comparison.held_out:
-        gain = integer.bic - fractional.bic
-        return comparison.verdict if math.isfinite(gain) and gain <= EVEN else ""
-    as_good = math.isfinite(integer.error) and ratio_of(fractional, integer) >= 1 - MARGIN
-    return comparison.verdict if as_good else ""
+def integer_does_as_well(comparison: Comparison) -> bool:
+    """Whether one structure of integer order explains the fitted recordings and predicts the others as well as orders.
+
+    Where there is no criterion, such as for a cost of one's own, held-out recordings decide alone.
+    """
+    fractional = comparison.best(fractional=True)
+
+    def as_well(row: Row) -> bool:
+        gain, larger = row.bic - fractional.bic, row.parameters > fractional.parameters
+        explains = does_as_well(gain, row.cost, fractional.cost, larger=larger)
+        if not comparison.held_out:
+            return explains and math.isfinite(gain)
+        predicts = math.isfinite(row.error) and ratio_of(fractional, row) >= 1 - MARGIN
+        return predicts and (explains or math.isnan(gain))
+
+    return any(as_well(row) for row in comparison.rows if not row.fractional)
 
 
 def not_helped(comparison: Comparison) -> Iterator[str]:
@@ -141,5 +150,6 @@ def not_helped(comparison: Comparison) -> Iterator[str]:
         return
     integer, fractional = comparison.best(fractional=False), comparison.best(fractional=True)
     helped = sum(fractional.held_out[n].error < integer.held_out[n].error for n in comparison.held_out)
-    if helped <= len(comparison.held_out) / 2 or not math.isfinite(fractional.error):
+    same = abs(ratio_of(fractional, integer) - 1) <= MARGIN
+    if (helped <= len(comparison.held_out) / 2 and not same) or not math.isfinite(fractional.error):
         yield f"Orders help on {helped} of {len(comparison.held_out)} held-out recordings only."

@@ -51,7 +51,7 @@ from fracid.optimise import OPTIMISERS, Evaluation
 from fracid.problem import Free, Problem
 from fracid.problem.sensors import Quantity, Sensor
 from fracid.safety.door import own_text
-from fracid.selection.bic import EVEN, STRONG
+from fracid.selection.bic import EVEN, STRONG, does_as_well
 from fracid.selection.finite_memory import finite_memories
 from fracid.selection.integer_rival import (
     Alternative,
@@ -84,9 +84,6 @@ FAR, NEARER = 2.0, 0.9
 
 TIMES, LEAST = 2.0, 3e8
 """The work that all this may take beside a fit: so many times that of its search, but for the least, some seconds."""
-
-SAME = 5e-3
-"""A cost that is higher by this part is as good: so much do solvers, clocks and encoders differ."""
 
 
 @dataclass(frozen=True)
@@ -295,8 +292,9 @@ def _tried(name: str, rival: Rival, problem: Problem, best: Evaluation) -> tuple
     samples, gain = gain_over(rival, problem, best)
     cost, more = rival.evaluation.cost, len(rival.problem.names) - len(problem.names)
     another = not rival.nested or len(rival.problem.experiments) > len(problem.experiments)  # or in parts
-    same = not (another and more > 0) and cost <= (1 + SAME) * best.cost
-    return samples, Trial(name, cost, gain, as_well=gain <= STRONG or same, as_good=gain <= EVEN or same)
+    larger = another and more > 0
+    as_good, as_well = (does_as_well(gain, cost, best.cost, larger=larger, most=most) for most in (EVEN, STRONG))
+    return samples, Trial(name, cost, gain, as_well=as_well, as_good=as_good)
 
 
 def fitted_with(element: Element, here: Rival, goal: float, *, watch: Watch | None = None) -> Rival | None:

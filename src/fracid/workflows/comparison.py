@@ -6,7 +6,6 @@ Every fit goes into the folder's journal as it ends, and the same call goes on f
 from __future__ import annotations
 
 import json
-import os
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,7 +22,7 @@ from fracid.models.friction import RUNGS
 from fracid.problem import Experiment, Problem
 from fracid.problem.problem import alternative_of
 from fracid.problem.project import Project
-from fracid.problem.toml_text import plain_value, toml_document
+from fracid.problem.toml_text import plain_value, reached, toml_document
 from fracid.runs.folder import JOURNAL, open_folder
 from fracid.safety.schema import Block, Record, as_json, fault_of
 from fracid.safety.user_code import is_own
@@ -198,12 +197,11 @@ def _best(project: Project, comparison: Comparison, folder: Path) -> dict[str, s
         new = {n: v for n, v in values.items()
                if n in given or n in row.values or v != project.problem.parameters.get(n)}  # fmt: skip
         model[kind] = given | {n: plain_value(v, row.values.get(n), given.get(n)) for n, v in new.items()}
-    way = os.path.relpath(project.path.resolve().parent, folder.resolve()).replace(os.sep, "/")
     places = [(r, "file") for r in tables["recording"]]
     code = [(model, "name"), (tables.get("fit", {}), "cost"), *((a, "model") for a in tables.get("alternative", []))]
     places += [(table, key) for table, key in code if is_own(table.get(key, ""))]
     for table, key in places:
-        table[key] = table[key] if Path(table[key]).is_absolute() else f"{way}/{table[key]}"
+        table[key] = reached(table[key], project.path.parent, folder)
     tables["fit"] = tables.get("fit", {}) | {"substeps": found.substeps}  # at which it was found
     head = f"# {row.name}: the structure that fracid compare found best, with its values.\n"
     return {BEST: head + toml_document(tables)}
