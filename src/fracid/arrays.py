@@ -87,6 +87,31 @@ def stretches(mask: NDArray[np.bool_]) -> IntArray:
     return np.flatnonzero(np.diff(mask, prepend=False, append=False)).reshape(-1, 2)
 
 
+def within(time: FloatArray, spans: Sequence[tuple[float, float]], slack: float = 0.0) -> BoolArray:
+    """Which of increasing times lie in any of some spans, both ends included, and `slack` beyond them.
+
+    Examples
+    --------
+    >>> within(np.arange(6.0), [(1.0, 2.5), (5.0, 9.0)]).tolist()
+    [False, True, True, False, False, True]
+    """
+    first, last = np.reshape(spans, (-1, 2)).T
+    entered = np.searchsorted(np.sort(first) - slack, time, "right")
+    return np.asarray(entered > np.searchsorted(np.sort(last) + slack, time, "left"))
+
+
+def spacing(mask: NDArray[np.bool_]) -> int:
+    """From one True to the next, as most lie apart: 1 where these are in stretches.
+
+    Examples
+    --------
+    >>> spacing(np.arange(100) % 20 == 0), spacing(np.arange(100) > 50)
+    (20, 1)
+    """
+    apart = np.diff(np.flatnonzero(mask))
+    return int(np.quantile(apart, 0.9, method="lower")) if apart.size else 1
+
+
 def run_lengths(columns: FloatArray) -> FloatArray:
     """For how many samples in a row each column keeps the value that it has, shape (n_samples, n_columns).
 

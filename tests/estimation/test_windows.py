@@ -188,7 +188,7 @@ def test_windows_that_are_too_many_lie_apart_and_what_lies_between_counts_in_non
         first = round((w.start - whole.start) / STEP)
         inside[first : first + len(w.measured)] = True
     np.testing.assert_array_equal(np.isnan(pieces.followed(pieces.start, "stand")[:, 0]), ~inside)
-    np.testing.assert_array_equal(whole.scored, inside)
+    np.testing.assert_array_equal(whole.scored, inside[:, None])
     assert math.isfinite(prediction_of(pieces, pieces.start, 1.0).seconds)  # of all samples, what no window has too
     assert len(windowed(stand, 4.5).experiments) == len(windowed(stand, 1.9).experiments) == 4
 

@@ -125,8 +125,14 @@ def test_the_rmse_of_two_recordings_is_that_of_all_their_samples():
     assert COSTS["rmse"].join(apart, [401, 101]) == pytest.approx(together, rel=1e-12)
 
 
-@pytest.mark.parametrize("name", [n for n in COSTS if n != "rmse"])
-def test_the_other_costs_of_two_recordings_add_up(name):
+def test_the_huber_cost_of_two_parts_is_that_of_all_their_samples():
+    e = column(wave(TIME))
+    parts = [COSTS["huber"].value(TIME[at], e[at]) for at in (slice(100), slice(100, None))]
+    assert COSTS["huber"].join(parts, [100, len(e) - 100]) == pytest.approx(COSTS["huber"].value(TIME, e), rel=1e-12)
+
+
+@pytest.mark.parametrize("name", [n for n in COSTS if not COSTS[n].per_sample])
+def test_integrals_of_two_recordings_add_up(name):
     assert COSTS[name].join([1.0, 2.5], [10, 999]) == 3.5
 
 

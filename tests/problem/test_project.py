@@ -450,13 +450,17 @@ def test_what_cannot_be_is_told_with_its_place(project, text, message):
     [
         (ONE.replace("swing", "empty"), "empty.csv is empty"),
         (ONE.replace("swing", "text"), r"text.csv, line 3, column 1 \(alpha\): 'hello' is not a number"),
-        (ONE.replace("swing", "nan"), r"nan: alpha misses 10 samples from 0\.07 to 0\.16 s"),
         (ONE + 'from = "release"', r"no release found .*Give from as a time \[s\]"),
     ],
 )
 def test_an_unfit_recording_is_told(project, text, message):
     with pytest.raises(DataError, match=message):
         project(text)
+
+
+def test_blanks_of_an_output_are_not_scored_however_many_they_are(project):
+    problem = project(ONE.replace("swing", "nan")).problem
+    assert np.flatnonzero(~problem.experiments[0].scored[:, 0]).tolist() == list(range(7, 17))
 
 
 def test_a_missing_file_a_folder_and_no_utf8_are_told(tmp_path):

@@ -195,10 +195,60 @@ def test_a_bridged_gap_is_never_scored():
     keep = np.r_[0:300, 340:SAMPLES]
     recording = Recording.of("twin", T[keep], {"alpha": swing(T)[keep]}).resample(STEP)
     e = Experiment.of(recording, PENDULUM, ["alpha"])
-    assert np.flatnonzero(~e.scored).tolist() == list(range(300, 340))
+    assert np.flatnonzero(~e.scored[:, 0]).tolist() == list(range(300, 340))
     later = Experiment.of(recording.trim(1.0), PENDULUM, ["alpha"])  # on the recording's own clock
-    assert np.flatnonzero(~later.scored).tolist() == list(range(100, 140))
-    assert Experiment.of(Recording.of("twin", T, {"alpha": swing(T)}), PENDULUM, ["alpha"]).scored is None
+    assert np.flatnonzero(~later.scored[:, 0]).tolist() == list(range(100, 140))
+    assert np.all(Experiment.of(Recording.of("twin", T, {"alpha": swing(T)}), PENDULUM, ["alpha"]).scored)
+
+
+def assayed(every=20):
+    """α at all times, its rate at few: both noisy, the rate with blanks."""
+    run = solve_ivp(lambda t, x: [x[1], -36 * np.sin(x[0]) - 0.4 * x[1]], (0, T[-1]), (0.8, 0.0), "DOP853", t_eval=T,
+                    rtol=1e-11, atol=1e-12)  # fmt: skip
+    rng = np.random.default_rng(3)
+    rate = run.y[1] + 0.05 * rng.standard_normal(SAMPLES)
+    return noisy(run.y[0]), np.where(np.arange(SAMPLES) % every == 0, rate, np.nan)
+
+
+BOTH = replace(PENDULUM, outputs={"alpha": 0, "rate": 1}, output_units={"rate": "rad/s"})
+
+
+def of(signals, outputs, **options):
+    units = {n: {"alpha": "rad", "rate": "rad/s"}[n] for n in signals}
+    e = Experiment.of(Recording.of("twin", T, signals, units), BOTH, outputs, {"alpha": 0.8})
+    return Problem(BOTH, (e,), {"mu": 1.0}, {"damping": Free(0.3, 0.0, 2.0), "stiffness": Free(30.0, 10.0, 90.0)},
+                   outputs=tuple(outputs), initial_state="held", substeps=4, **options)  # fmt: skip
+
+
+@pytest.mark.parametrize("weights", ["equal", "noise"])
+def test_an_output_that_is_measured_now_and_then_counts_by_its_own_samples(weights):
+    alpha, rate = assayed()
+    p = of({"alpha": alpha, "rate": rate}, ["alpha", "rate"], weights=weights)
+    assert np.count_nonzero(p.experiments[0].scored, axis=0).tolist() == [SAMPLES, 61]
+    fitted, own = p.fitted(p.start, p.experiments[0]), ~np.isnan(rate)
+    squares = np.sum((alpha - fitted[:, 0]) ** 2), np.sum((rate - fitted[:, 1])[own] ** 2)
+    levels = np.sqrt(squares / np.array([SAMPLES, 61]))
+    likely = np.exp(np.average(np.log(levels), weights=[SAMPLES, 61]))
+    mean = np.sqrt(sum(squares) / (SAMPLES + 61))
+    assert p.cost(p.start) == pytest.approx(likely if weights == "noise" else mean, rel=1e-9)
+    rows = p.residuals(p.start)
+    assert rows @ rows == pytest.approx(2 * p.cost(p.start) ** 2, rel=1e-6)
+
+
+def test_blanks_of_an_output_leave_the_fit_of_the_rows_that_it_has():
+    _, rate = assayed()
+    blank, own = of({"rate": rate}, ["rate"]), ~np.isnan(rate)
+    rows = Experiment("rows", STEP, rate[own, None], np.zeros((1, 1)), initial={"alpha": 0.8}, times=T[own])
+    fits = [fracid.identify(p) for p in (blank, replace(blank, experiments=(rows,)))]
+    for name in ("damping", "stiffness"):
+        one, other = (fit.parameters[name] for fit in fits)
+        assert one.value == pytest.approx(other.value, rel=1e-5)
+        assert one.interval95 == pytest.approx(other.interval95, rel=1e-2)
+    analyses = [fracid.residual_analysis(next(iter(fit.recordings.values())), "rate") for fit in fits]
+    assert [a.samples for a in analyses] == [61, 61]
+    assert analyses[0].whiteness.p_value == pytest.approx(analyses[1].whiteness.p_value, abs=0.02)
+    with pytest.raises(InputError, match="measured less often"):
+        fracid.bootstrap(blank, fits[0].x)
 
 
 def test_a_horizon_is_counted_in_samples_that_are_scored():

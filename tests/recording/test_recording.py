@@ -542,7 +542,9 @@ def test_missing_samples_are_a_data_error_that_says_how_many_where_and_what_to_d
     alpha = ALPHA.copy()
     alpha[10:50] = np.nan
     file = _csv(tmp_path, t=TIME, alpha=alpha)
-    with pytest.raises(DataError, match=r'alpha misses 40 samples from 0.1 to 0.49 s. .*Cut them off .* fill = "hold"'):
+    with pytest.raises(
+        DataError, match=r'alpha misses 40 samples from 0.1 to 0.49 s. .*Cut them off .* an input .* fill = "hold"'
+    ):
         load_recording(file, {"alpha": 1})
     assert load_recording(file, {"alpha": 1}, start=0.6).time[0] == pytest.approx(0.6)
 
@@ -560,10 +562,10 @@ def test_scattered_blank_cells_are_bridged_and_not_scored(tmp_path):
     )
     whole = load_recording(file)
     assert not whole.report.faults
-    assert "11 missing samples are interpolated and not scored." in whole.report.reading
+    assert "alpha is missing at 10 of 400 times: it is interpolated there, and not scored." in whole.report.reading
     assert (whole.time[0], whole.time[-1]) == (0.01, 3.98)
-    assert whole.bridged[0] == pytest.approx((0.195, 0.215))
-    assert len(whole.bridged) == 8
+    assert whole.blanks["alpha"][0] == pytest.approx((0.195, 0.205))
+    assert (len(whole.blanks["alpha"]), len(whole.blanks["theta"])) == (8, 1)
     assert whole.signals["alpha"] == pytest.approx(ALPHA[1:-1], abs=2e-3)
 
 
@@ -596,7 +598,8 @@ def test_blank_cells_in_a_row_are_bridged_as_their_rows_are_where_they_are_left_
     rows = load_recording(_csv(tmp_path, t=TIME[~blank], alpha=ALPHA[~blank]), {"alpha": 1}, resample="needed")
     assert cells.report.level == rows.report.level == "usable"
     np.testing.assert_allclose(cells.signals["alpha"], rows.signals["alpha"], atol=1e-9)
-    inside = [[(a < TIME) & (b > TIME) for a, b in recording.bridged] for recording in (cells, rows)]
+    spans = (cells.blanks["alpha"], rows.bridged)
+    inside = [[(a < TIME) & (b > TIME) for a, b in own] for own in spans]
     np.testing.assert_array_equal(*inside)
 
 

@@ -1156,7 +1156,7 @@ def test_of_a_very_long_recording_the_beginning_is_tested_without_a_copy_and_the
     assert part.measured[output].base is not None  # a view
     assert np.shares_memory(part.measured[output], r.measured[output])
     assert first_part(r) is r
-    masked = first_part(replace(r, scored=r.time >= 0.1, deviations={output: np.ones(r.time.size)}), few)
+    masked = first_part(replace(r, scored={output: r.time >= 0.1}, deviations={output: np.ones(r.time.size)}), few)
     assert np.count_nonzero(np.isnan(masked.standardised(output))) == np.count_nonzero(r.time < 0.1)
     assert "of the first" not in report_page(material)
     monkeypatch.setattr("fracid.validation.residual_analyses.first_part", lambda r: first_part(r, few))

@@ -290,9 +290,9 @@ def calibrated(problem: Problem, x: FloatArray, *, jobs: int = 1) -> tuple[Recor
     projection = tuple((-(w**2)[..., None] * j) @ estimator.inverse for w, j in zip(roots, J.parts, strict=True))
     scale = len(bare.outputs) * best.cost**2 if bare.cost_function.root else best.cost
     gradient = np.sum([s.sum(axis=0) for s in scores_of(bare, J.errors, J.parts)], axis=0)
-    return RecordedLikelihood(bare, x, best.cost, scale, samples=effective_samples(J.errors), curvature=curvature,
-                              precision=precision, degrees=degrees, errors=tuple(J.errors), projection=projection,
-                              gradient=gradient), notes  # fmt: skip
+    return RecordedLikelihood(bare, x, best.cost, scale, samples=effective_samples(J.errors, bare.scored),
+                              curvature=curvature, precision=precision, degrees=degrees, errors=tuple(J.errors),
+                              projection=projection, gradient=gradient), notes  # fmt: skip
 
 
 def _degrees(widening: float) -> float:

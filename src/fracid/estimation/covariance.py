@@ -87,7 +87,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import BoolArray, FloatArray
+from fracid.arrays import BoolArray, FloatArray, spacing
 from fracid.errors import Failure, FailureReason
 from fracid.estimation.block_covariance import (
     block_long_run,
@@ -145,8 +145,8 @@ class Uncertainty:
     unseen: FloatArray
     """Relative changes of the unknowns that the data do not see, shape (len(confounded), n_unknowns); the
     greatest in a row is 1."""
-    samples: int
-    """Of all recordings."""
+    samples: float
+    """Of all recordings, of an output on average."""
     widening: FloatArray
     """By what the standard errors were widened for few samples, shape (n_unknowns,)."""
     ends: FloatArray
@@ -390,9 +390,11 @@ def _sandwich(problem: Problem, J: BlockJacobian, free: NDArray[np.intp]) -> San
         for s, slope, j, explained in zip(scores, slopes_of(problem, J.errors), J.parts, rounding.alone, strict=True):
             if explained.any():
                 s -= np.einsum("to,toi->ti", explained * slope, j) / norm
-    S, bandwidth = block_long_run(blocks, scores)
+    # what an output that is measured now and then leaves is correlated from one of its samples to the next
+    apart = max(spacing(own) for e in problem.experiments for own in e.scored.T)
+    S, bandwidth = block_long_run(blocks, [np.add.reduceat(s, np.arange(0, len(s), apart)) for s in scores])
     samples = [r.reshape(len(e), -1, r.shape[1]) for r, e in zip(near.rows, J.errors, strict=True)]
-    wider = widening(blocks, samples, bread, bandwidth)
+    wider = widening(blocks, samples, bread, apart * bandwidth)
     windows = problem.blocks is not None and len(problem.recordings) < len(problem.experiments)
     sums = window_sums(blocks, scores, bread) if windows else None
     known, inverse = 2 * near.level * near.prior, bread.inverse
@@ -421,7 +423,8 @@ def _white(problem: Problem, J: BlockJacobian, norm: FloatArray) -> Iterator[Flo
     """S₀ of each recording's columns: were the residuals of each output of a recording white, of one variance."""
     psi, weights = loss_of(problem).psi, problem.criterion.sample_weights(J.errors)
     for k, (of, w, e, j) in enumerate(zip(problem.experiments, weights, J.errors, J.parts, strict=True)):
-        rows = (w * np.sqrt(np.sum(psi(e) ** 2, axis=0) / of.samples))[..., None] * j / norm[J.blocks.columns(k)]
+        level = np.sum(psi(e) ** 2, axis=0) / np.maximum(np.count_nonzero(of.scored, axis=0), 1)
+        rows = (w * np.sqrt(level))[..., None] * j / norm[J.blocks.columns(k)]
         yield np.einsum("toi,toj->ij", rows, rows, optimize=True)
 
 

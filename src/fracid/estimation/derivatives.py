@@ -147,9 +147,10 @@ def row_weights(problem: Problem, errors: list[FloatArray]) -> list[FloatArray]:
     curvature, found = loss_of(problem).curvature, list[FloatArray]()
     for whole, at in problem.recordings.values():
         pairs = zip(problem.experiments[at], errors[at], strict=True)
-        scored = [e if of.scored is None else e[of.scored] for of, e in pairs]
-        signals = zip(np.concatenate(scored).T, whole.in_deviations(whole.measured).T, strict=True)
-        found += [np.array([*starmap(curvature, signals)])] * len(scored)
+        parts = [[r[own] for r, own in zip(e.T, of.scored.T, strict=True)] for of, e in pairs]
+        own = map(np.concatenate, zip(*parts, strict=True))
+        signals = zip(own, whole.in_deviations(whole.measured).T, strict=True)
+        found += [np.array([*starmap(curvature, signals)])] * len(parts)
     return [np.sqrt(c * w) for c, w in zip(found, problem.criterion.sample_weights(errors), strict=True)]
 
 

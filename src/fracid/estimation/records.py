@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray, by_name
+from fracid.arrays import BoolArray, FloatArray, by_name, spacing
 from fracid.cards import Card, CardDisplay, brief, rounded
 from fracid.errors import Failure
 from fracid.figures import Style, draw
@@ -143,8 +143,8 @@ class RecordingFit:
     """Where the model has the zero of the pendulum's angle; "" where that has no meaning."""
     pendulum: str = PENDULUM
     """The output that is the pendulum's angle."""
-    scored: NDArray[np.bool_] | None = None
-    """Which samples count, shape (n_samples,); None for all."""
+    scored: Mapping[str, BoolArray] = field(default_factory=dict)
+    """Output → which samples count, shape (n_samples,); all where it says nothing."""
     deviations: Mapping[str, FloatArray] = field(default_factory=dict)
     """Output → the standard deviation of its samples, in its unit, shape (n_samples,); empty where none is known."""
     uneven: bool = False
@@ -166,8 +166,8 @@ class RecordingFit:
 
     @property
     def samples(self) -> int:
-        """How many were used."""
-        return len(self.time) if self.scored is None else int(np.count_nonzero(self.scored))
+        """How many were used, of the output that has most."""
+        return max(int(np.count_nonzero(self._own(n))) for n in self.measured)
 
     @property
     def begin(self) -> float:
@@ -191,24 +191,34 @@ class RecordingFit:
     @property
     def rmse(self) -> dict[str, float]:
         """Root mean square of the residual, per output [rad]."""
-        return {n: float(np.sqrt(np.mean(self._scored(self.measured[n] - self.fitted[n]) ** 2))) for n in self.measured}
+        return {n: float(np.sqrt(np.mean((y - self.fitted[n])[self._own(n)] ** 2))) for n, y in self.measured.items()}
 
     @property
     def fit_percent(self) -> dict[str, float]:
         """100·(1 − ‖y − ŷ‖/‖y − ȳ‖), per output; −inf for a constant output that is missed."""
-        return {n: fit_percent(self._scored(self.measured[n]), self._scored(self.fitted[n])) for n in self.measured}
+        return {n: fit_percent(y[self._own(n)], self.fitted[n][self._own(n)]) for n, y in self.measured.items()}
 
     def residual(self, output: str) -> FloatArray:
         """Measured minus simulated [rad]; NaN where a sample is not scored."""
-        residual = np.asarray(self.measured[output] - self.fitted[output])
-        return residual if self.scored is None else np.where(self.scored, residual, np.nan)
+        return np.where(self._own(output), self.measured[output] - self.fitted[output], np.nan)
 
     def standardised(self, output: str) -> FloatArray:
         """The residual in the standard deviations of the samples, where these are known; else as :meth:`residual`."""
         return self.residual(output) / self.deviations.get(output, 1.0)
 
-    def _scored(self, signal: FloatArray) -> FloatArray:
-        return signal if self.scored is None else np.asarray(signal)[self.scored]
+    def _own(self, output: str) -> BoolArray:
+        return self.scored.get(output, np.ones(len(self.time), bool))
+
+    def at(self, rows: slice | BoolArray) -> RecordingFit:
+        """Some of its samples."""
+        lines = ("measured", "fitted", "deviations", "scored")
+        some: dict[str, Any] = {line: {n: y[rows] for n, y in getattr(self, line).items()} for line in lines}
+        return replace(self, time=self.time[rows], **some)
+
+    def of(self, output: str) -> RecordingFit:
+        """The samples that an output has which is measured now and then; of any other all."""
+        own = self._own(output)
+        return self if spacing(own) == 1 else replace(self.at(own), uneven=True)
 
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """Measured and fitted over time, the residual below; see :func:`fracid.plots.fitted_over_time`.
@@ -271,8 +281,8 @@ def fit_of(
     return RecordingFit(
         name, use, e.start + e.time, dict(zip(problem.outputs, e.measured.T, strict=True)),
         fitted=dict(zip(problem.outputs, fitted.T, strict=True)), cost=cost, initial=initial, parameters=parameters,
-        sha256=e.sha256, units=e.units, zero=model.zero, pendulum=model.pendulum, scored=e.scored,
-        deviations=dict(deviations), uneven=e.times is not None, windows=windows,
+        sha256=e.sha256, units=e.units, zero=model.zero, pendulum=model.pendulum, deviations=dict(deviations),
+        scored=dict(zip(problem.outputs, e.scored.T, strict=True)), uneven=e.times is not None, windows=windows,
     )  # fmt: skip
 
 

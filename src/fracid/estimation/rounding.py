@@ -112,10 +112,9 @@ def edges(problem: Problem, errors: list[FloatArray], J: list[FloatArray], psi: 
     tables: dict[tuple[int, float], FloatArray] = {}
     white, alone = np.zeros((J[0].shape[-1],) * 2), []
     for e, r, j, w in zip(problem.experiments, errors, J, problem.criterion.sample_weights(errors), strict=True):
-        scored = np.ones(len(r), bool) if e.scored is None else e.scored
         alone.append(np.zeros(r.shape[1]))
-        for o, (y, error) in enumerate(zip(e.measured.T, r.T, strict=True)):
-            found = encoder_noise(y, error, scored)
+        for o, (y, error, own) in enumerate(zip(e.measured.T, r.T, e.scored.T, strict=True)):
+            found = encoder_noise(y, error, own)
             if found is None or found.noise >= DITHERED:
                 continue
             score = w[:, o, None] * j[:, o]

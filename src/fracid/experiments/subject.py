@@ -416,10 +416,10 @@ def _noises(problem: Problem, errors: list[FloatArray], space: DesignSpace) -> t
 
 def _noise(e: Experiment, error: FloatArray, output: int) -> Noise:
     """The noise of one output of one recording; without a step where rounding and white noise do not explain it."""
-    scored = np.ones(len(error), bool) if e.scored is None else e.scored
-    found = encoder_noise(e.measured[:, output], error, scored)
+    own = e.scored[:, output]
+    found = encoder_noise(e.measured[:, output], error, own)
     if found is None:
-        return Noise(math.sqrt(float(np.mean(error[scored] ** 2))), 0.0)
+        return Noise(math.sqrt(float(np.mean(error[own] ** 2))), 0.0)
     return Noise(found.noise * found.step, found.step)
 
 

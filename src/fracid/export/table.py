@@ -87,5 +87,7 @@ def curves_of(recording: RecordingFit) -> dict[str, Any]:
     'curves_of'
     """
     residual = {n: recording.residual(n) for n in recording.measured}
-    return {"use": recording.use, "time": recording.time, "measured": recording.measured, "fitted": recording.fitted,
+    measured = {n: np.where(np.isin(recording.time, recording.of(n).time), y, np.nan)
+                for n, y in recording.measured.items()}  # fmt: skip
+    return {"use": recording.use, "time": recording.time, "measured": measured, "fitted": recording.fitted,
             "residual": residual}  # fmt: skip

@@ -77,8 +77,8 @@ def fitted_over_time(
     headings = [f"{symbol(n)}: {goodness(recording, n, steps[n])}" for n in outputs]
     for (panels, strips), name, heading in zip(grid.reshape(len(outputs), 2, -1), outputs, headings, strict=True):
         for panel, strip, span in zip(panels, strips, spans, strict=True):
-            _measured_and_fitted(panel, recording, name, span)
-            _residual_strip(strip, recording, name, span, step=steps[name])
+            _measured_and_fitted(panel, recording.at(span), name)
+            _residual_strip(strip, recording.at(span).of(name), name, step=steps[name])
         short = brief and np.isfinite(recording.rmse[name])
         title(panels[0], f"RMSE {with_unit(recording.rmse[name], recording.unit(name))}" if short else heading, "left")
         display_unit, _ = axis_unit(recording.unit(name))
@@ -101,11 +101,11 @@ def _simulated(recording: RecordingFit) -> str:
     return "predicted" if recording.use == "validate" else "fitted"
 
 
-def _measured_and_fitted(axes: Axes, recording: RecordingFit, name: str, span: slice) -> None:
-    time, (_, factor) = recording.time[span], axis_unit(recording.unit(name))
-    measured, fitted = factor * recording.measured[name][span], factor * recording.fitted[name][span]
-    line(axes, time, measured, label="measured", **MEASURED)
-    line(axes, time, fitted, label=_simulated(recording), **FITTED)
+def _measured_and_fitted(axes: Axes, recording: RecordingFit, name: str) -> None:
+    own, (_, factor) = recording.of(name), axis_unit(recording.unit(name))
+    measured, fitted = factor * own.measured[name], factor * recording.fitted[name]
+    line(axes, own.time, measured, label="measured", **MEASURED)
+    line(axes, recording.time, fitted, label=_simulated(recording), **FITTED)
     if not np.isfinite(fitted).any():
         note(axes, "the simulation failed: no values", 0.85)
         return
@@ -119,8 +119,8 @@ def _measured_and_fitted(axes: Axes, recording: RecordingFit, name: str, span: s
         note(axes, f"{_simulated(recording)} leaves the picture: {ends}".replace("-", "−"), 0.93)
 
 
-def _residual_strip(axes: Axes, recording: RecordingFit, name: str, span: slice, step: float | None) -> None:
-    residual = axis_unit(recording.unit(name))[1] * recording.residual(name)[span]
+def _residual_strip(axes: Axes, recording: RecordingFit, name: str, step: float | None) -> None:
+    residual = axis_unit(recording.unit(name))[1] * recording.residual(name)
     if not np.isfinite(residual).any():
         note(axes, "no residual")
         axes.set_yticks([])
@@ -128,7 +128,7 @@ def _residual_strip(axes: Axes, recording: RecordingFit, name: str, span: slice,
     axes.axhline(0, color="0.6", lw=0.8)
     encoder_band(axes, step, recording.unit(name))
     name = f"residual (measured − {_simulated(recording)})"
-    line(axes, recording.time[span], residual, label=name, **RESIDUAL)
+    line(axes, recording.time, residual, label=name, **RESIDUAL)
 
 
 def _fast_part(time: FloatArray, signals: Mapping[str, FloatArray]) -> tuple[slice, ...]:

@@ -115,9 +115,7 @@ def posterior_predictive(posterior: Posterior, *, style: str | Style = "screen")
     for o, (axes, output) in enumerate(zip(panels, outputs, strict=True)):
         unit, factor = axis_unit(e.units.get(output, "rad"))
         time = e.start + e.time
-        residual = e.measured[:, o] - fitted[:, o]
-        if e.scored is not None:
-            residual = np.where(e.scored, residual, np.nan)
+        residual = np.where(e.scored[:, o], e.measured[:, o] - fitted[:, o], np.nan)
         line(axes, time, factor * residual, color="0.7", lw=0.8, label="residual (measured − fitted)")
         if len(curves):
             low, high = (factor * np.quantile(curves[:, :, o], q, axis=0) for q in (0.025, 0.975))

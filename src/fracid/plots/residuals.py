@@ -162,6 +162,7 @@ def _figure_3(
     figure: Figure, panels: Mapping[str, Axes], recording: RecordingFit, output: str, step: float | None
 ) -> Figure:
     """Over time, against the fitted value, the distribution, the probability plot; gives the figure, finished."""
+    recording = recording.of(output)
     whole, mask = recording.residual(output), np.isfinite(recording.residual(output))
     unit, (display_unit, factor) = recording.unit(output), axis_unit(recording.unit(output))
     residual, fitted = factor * whole[mask], factor * recording.fitted[output][mask]

@@ -24,8 +24,8 @@ from fracid.problem.experiment import Experiment
 
 
 def possible(e: Experiment) -> bool:
-    """Whether a recording can be made coarser: even samples that count alike, without a past."""
-    return e.times is None and e.past is None and e.deviation is None and e.source is None
+    """Whether a recording can be made coarser: even samples of all outputs that count alike, without a past."""
+    return e.times is None and e.past is None and e.deviation is None and e.source is None and not any(e.blanks)
 
 
 def coarser(e: Experiment, every: int, inputs: Sequence[str]) -> Experiment:

@@ -39,6 +39,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from operator import mul
 from pathlib import Path
 from typing import Any, Literal
 
@@ -56,7 +57,7 @@ OF_A_FILE = "fracid_user_cost_"
 """So the modules of costs begin whose code is a file of one's own."""
 
 Scored = BoolArray | None
-"""Which samples count, shape (n_samples,); None for all."""
+"""Which samples count, shape (n_samples, n_outputs); None for all."""
 
 HUBER = math.radians(1.0)
 """Where the Huber loss turns from quadratic to linear [rad]."""
@@ -163,7 +164,7 @@ class Cost:
             From the start of the recording [s].
         residual : array, shape (n_samples, n_outputs)
             Measured minus simulated [rad].
-        scored : array of bool, shape (n_samples,), optional
+        scored : array of bool, shape (n_samples, n_outputs), optional
             Which samples count; all if left out.
 
         Raises
@@ -174,10 +175,11 @@ class Cost:
         if not np.all(np.isfinite(residual)):
             return math.inf
         if self.loss is None:
-            return self._own_value(*((time, residual) if scored is None else (time[scored], residual[scored])))
+            at = slice(None) if scored is None else np.any(scored, axis=1)
+            return self._own_value(time[at], residual[at])
         with np.errstate(over="ignore", invalid="ignore"):  # 1e200 squared, and that at t = 0
             # no dot product: it would wake the threads of BLAS beside those of the optimiser
-            total = float(np.sum(self.weights(time, scored)[:, None] * self.loss.rho(residual)))
+            total = float(np.sum(self.weights(time, scored) * self.loss.rho(residual)))
         if not math.isfinite(total):
             return math.inf
         return math.sqrt(total / residual.shape[1]) if self.root else total
@@ -193,21 +195,25 @@ class Cost:
         return cost
 
     def weights(self, time: FloatArray, scored: Scored = None) -> FloatArray:
-        """w of each sample, 0 of those that do not count, shape (n_samples,)."""
-        if scored is None:
-            return self.weight(time)
-        if self.weight is _equal:
-            return np.asarray(scored / np.count_nonzero(scored))
-        return np.asarray(scored * self.weight(time))
+        """w of each sample, 0 of those that do not count, shape (n_samples, n_outputs), or (n_samples, 1)."""
+        counts = np.ones((len(time), 1), bool) if scored is None else scored
+        if self.per_sample:
+            return np.asarray(counts * (counts.shape[1] / max(1, np.count_nonzero(counts))))
+        return np.asarray(counts * self.weight(time)[:, None])
 
     def rows(self, time: FloatArray, residual: FloatArray, scored: Scored = None) -> FloatArray | None:
         """Rows for least squares, shape (n_samples · n_outputs,), None for a user's own cost."""
         if self.loss is None:
             return None
         if self.loss is SQUARE:
-            return np.asarray((np.sqrt(self.weights(time, scored))[:, None] * residual).ravel())
-        squares = self.weights(time, scored)[:, None] * self.loss.smooth(residual)
+            return np.asarray((np.sqrt(self.weights(time, scored)) * residual).ravel())
+        squares = self.weights(time, scored) * self.loss.smooth(residual)
         return np.asarray(np.copysign(np.sqrt(squares), residual).ravel())
+
+    @property
+    def per_sample(self) -> bool:
+        """Whether it is a mean, in which each sample counts alike; else an integral, or a user's own."""
+        return self.loss is not None and self.weight is _equal
 
     @property
     def kinked(self) -> bool:
@@ -225,17 +231,18 @@ class Cost:
         """
         return COSTS["huber"] if self.kinked else self
 
-    def join(self, costs: list[float], samples: Sequence[float]) -> float:
-        """Join the costs of several recordings: the root of the mean square, or else the sum.
+    def join(self, costs: list[float], samples: Sequence[float], weights: Sequence[float] | None = None) -> float:
+        """Join the costs of several recordings: the mean of all samples, or its root; of integrals the weighted sum.
 
         Examples
         --------
         >>> COSTS["rmse"].join([1.0, 7.0], samples=[100, 100]), COSTS["itae"].join([1.0, 7.0], samples=[100, 100])
         (5.0, 8.0)
         """
-        if self.root:
-            return math.sqrt(sum(n * c * c for n, c in zip(samples, costs, strict=True)) / sum(samples))
-        return sum(costs)
+        if not self.per_sample:
+            return sum(costs if weights is None else map(mul, costs, weights))
+        mean = sum(n * c * c if self.root else n * c for n, c in zip(samples, costs, strict=True)) / sum(samples)
+        return math.sqrt(mean) if self.root else mean
 
 
 COSTS = {

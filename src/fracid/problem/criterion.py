@@ -4,7 +4,7 @@ Errors are measured minus simulated [rad].  Each recording has a cost (:mod:`fra
 `weight` w counts each of its samples as w samples.
 
 **Levels.**  The level of an output is its residual's, never asked for: the rmse with ``weights = "noise"`` is the
-geometric mean of the outputs' own,
+geometric mean of the outputs' own, in which one that has fewer samples counts by these,
 
 .. math::  G = \prod_o C_o^{1/m}, \qquad C_o^2 = \tfrac1N\sum_t e_{t,o}^2,
 
@@ -80,8 +80,7 @@ class Criterion:
         """The cost alone."""
         cost = self._joined(errors)
         if self.weights == "noise" and math.isfinite(cost):
-            levels = self._costs_by_output(errors)
-            cost = float(np.exp(np.mean(np.log(levels)))) * (1 if self.cost_function.root else len(levels))
+            cost = self._levels(errors)[0] * (1 if self.cost_function.root else len(self.outputs))
         return cost * self._prior_factor(x)
 
     # --- recordings --------------------------------------------------------------------------------
@@ -89,16 +88,21 @@ class Criterion:
     def _pairs(self, errors: list[FloatArray]) -> list[tuple[Experiment, FloatArray]]:
         return list(zip(self.experiments, errors, strict=True))
 
-    def _joined(self, errors: list[FloatArray]) -> float:
-        """The recordings' costs together, each by its weight."""
-        cost, counts = self.cost_function, [e.weight * e.samples for e in self.experiments]
-        costs = [cost.value(e.weighed_at, r, e.scored) * (1 if cost.root else e.weight) for e, r in self._pairs(errors)]
-        return cost.join(costs, counts)
+    def _joined(self, errors: list[FloatArray], at: slice = slice(None)) -> float:
+        """The recordings' costs together, each by its weight; of all outputs, or those `at`."""
+        cost = self.cost_function
+        costs = [cost.value(e.weighed_at, r, e.scored[:, at]) for e, r in self._pairs(errors)]
+        return cost.join(costs, self._samples[:, at].mean(axis=1).tolist(), [e.weight for e in self.experiments])
+
+    @cached_property
+    def _samples(self) -> FloatArray:
+        """How many count, each as its recording's weight, shape (n_recordings, n_outputs)."""
+        return np.array([e.weight * np.count_nonzero(e.scored, axis=0) for e in self.experiments])
 
     def shares(self) -> list[float]:
         """What each recording's rows are multiplied with, so that their squares add up as its cost does."""
-        samples = [e.weight * e.samples for e in self.experiments]
-        if self.cost_function.root:
+        samples = self._samples.mean(axis=1).tolist()
+        if self.cost_function.per_sample:
             return [math.sqrt(n / sum(samples)) for n in samples]
         return [math.sqrt(e.weight) for e in self.experiments]
 
@@ -108,8 +112,8 @@ class Criterion:
         """By what the squares of each output count, shape (n_outputs,): 1, but (G/C_o)² with ``weights = "noise"``."""
         if self.weights == "equal":
             return np.ones(len(self.outputs))
-        levels = self._costs_by_output(errors)
-        relative = np.exp(np.mean(np.log(levels))) / levels
+        mean, levels = self._levels(errors)
+        relative = mean / levels
         return np.asarray(relative**2 if self.cost_function.root else relative)
 
     def sample_weights(self, errors: list[FloatArray]) -> list[FloatArray]:
@@ -122,19 +126,26 @@ class Criterion:
     @cached_property
     def _equal_weights(self) -> list[FloatArray]:
         shares, each = zip(self.experiments, self.shares(), strict=True), np.ones(len(self.outputs))
-        return [share**2 * np.outer(self.cost_function.weights(e.weighed_at, e.scored), each) for e, share in shares]
+        return [share**2 * (self.cost_function.weights(e.weighed_at, e.scored) * each) for e, share in shares]
 
     def levels(self, errors: list[FloatArray]) -> dict[str, float]:
         """The level of each output's residual, rms [rad]."""
         means = [np.sum(r**2, axis=0) / e.samples for e, r in self._pairs(errors)]
         squares = sum(s**2 * mean for s, mean in zip(self.shares(), means, strict=True))
-        whole = sum(s**2 for s in self.shares())
+        whole = sum(s**2 * n / np.mean(n) for s, n in zip(self.shares(), self._samples, strict=True))
         return by_name(self.outputs, np.sqrt(squares / whole))
 
-    def _costs_by_output(self, errors: list[FloatArray]) -> FloatArray:
-        """C_o of each output alone, at least that of its encoder's rounding, shape (n_outputs,)."""
-        costs = [self._joined([r[:, [o]] for r in errors]) for o in range(len(self.outputs))]
-        return np.asarray(np.hypot(costs, self._floor) if self.cost_function.root else costs + self._floor)
+    def _levels(self, errors: list[FloatArray]) -> tuple[float, FloatArray]:
+        """G, and C_o of each output alone, at least that of its encoder's rounding, shape (n_outputs,)."""
+        costs = [self._joined([r[:, [o]] for r in errors], slice(o, o + 1)) for o in range(len(self.outputs))]
+        levels = np.asarray(np.hypot(costs, self._floor) if self.cost_function.root else costs + self._floor)
+        return float(np.exp(np.average(np.log(levels), weights=self._parts))), levels
+
+    @cached_property
+    def _parts(self) -> FloatArray:
+        """As how much the level of each output counts: by its samples, and of integrals 1, shape (n_outputs,)."""
+        samples = self._samples.sum(axis=0) if self.cost_function.per_sample else np.ones(len(self.outputs))
+        return samples / np.mean(samples)
 
     @cached_property
     def _floor(self) -> FloatArray:
@@ -142,7 +153,8 @@ class Criterion:
         outputs = range(len(self.outputs))
         steps = [max(resolution(e.in_deviations(e.measured)[:, o]) or 0.0 for e in self.experiments) for o in outputs]
         rounding = np.maximum(np.array(steps) / math.sqrt(12.0), FINEST)
-        return np.array([self._joined([np.full((len(e.measured), 1), r) for e in self.experiments]) for r in rounding])
+        return np.array([self._joined([np.full((len(e.measured), 1), r) for e in self.experiments], slice(o, o + 1))
+                         for o, r in enumerate(rounding)])  # fmt: skip
 
     # --- rows --------------------------------------------------------------------------------------
 
@@ -155,6 +167,7 @@ class Criterion:
         if self.weights == "noise":
             balance = np.sqrt(self.balance(errors))
             rows = [(r.reshape(-1, len(balance)) * balance).ravel() for r in rows]
+            balance *= np.sqrt(self._parts)
             rows.append(balance * (self._floor if self.cost_function.root else np.sqrt(self._floor)))
         if self.priors:
             total = sum(float(np.sum(r**2)) for r in rows)

@@ -43,6 +43,7 @@ import shlex
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -448,7 +449,8 @@ def _breaks(recording: Recording) -> BoolArray:
     swing = np.asarray(alpha[np.isfinite(alpha)])
     period = clock.step * swing_period(swing) if swing.size >= FEWEST else math.inf
     long = max(min(BRIDGED * period, LONG_GAP * clock.duration), GAP * clock.step)
-    blank = np.any([(a < t[:-1]) & (t[:-1] < b) for a, b in recording.bridged if b - a > long], axis=0)
+    spans = chain(recording.bridged, *recording.blanks.values())
+    blank = np.any([(a < t[:-1]) & (t[:-1] < b) for a, b in spans if b - a > long], axis=0)
     jumps = np.isin(t[:-1], [at for at, _ in clock_jumps(t, alpha)])
     return np.asarray((dt <= 0) | (dt > long) | blank | jumps)
 

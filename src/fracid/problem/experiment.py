@@ -12,11 +12,12 @@ import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import chain
 from typing import Any
 
 import numpy as np
 
-from fracid.arrays import BoolArray, FloatArray, on_grid, real_array
+from fracid.arrays import BoolArray, FloatArray, on_grid, real_array, within
 from fracid.cards import CardDisplay
 from fracid.errors import InputError, brief, refuse_unknown
 from fracid.findings import Words
@@ -81,6 +82,8 @@ class Experiment(CardDisplay):
     """Input → what it does between its samples (:mod:`fracid.solver.inputs`); ``line`` where it says nothing."""
     mask: tuple[tuple[float, float], ...] = ()
     """From when to when samples are not scored, both included, on the recording's own clock [s]."""
+    blanks: tuple[tuple[tuple[float, float], ...], ...] = ()
+    """The same of each output alone: where it was not measured, and others were; empty for none."""
     times: FloatArray | None = None
     """Times of uneven samples, from 0 [s], shape (n_samples,); None where they lie on the grid."""
     deviation: FloatArray | None = None
@@ -142,6 +145,7 @@ class Experiment(CardDisplay):
         >>> Experiment.of(twin, fracid.rotary_pendulum(), ["alpha"]).measured.shape
         (3, 1)
         """
+        recording = recording.bridge_blanks([n for n in recording.signals if n not in model.inputs])
         if not outputs:
             raise InputError(f"outputs is empty: score at least one of {', '.join(model.outputs)}.")
         for name in outputs:
@@ -162,7 +166,10 @@ class Experiment(CardDisplay):
                 raise InputError(SAYS("past-off-grid", recording=recording))
         measured, inputs = _columns(recording, model, outputs)
         options["between"] = held_inputs(recording.units, model) | dict(options.get("between", {}))
-        options["mask"] = (*_mask(recording, options.get("mask", ())), *recording.bridged)
+        unknown = chain.from_iterable(recording.blanks.get(n, ()) for n in model.inputs)
+        options["mask"] = (*_mask(recording, options.get("mask", ())), *recording.bridged, *unknown)
+        blanks = [recording.blanks.get(n, ()) + recording.blanks.get(f"{n}{DEVIATION}", ()) for n in outputs]
+        options["blanks"] = tuple(blanks) if any(blanks) else ()
         options["deviation"] = _deviation(recording, outputs)
         units = {**recording.units} | {n: model.output_units.get(n, "rad") for n in recording.assumed}
         if step is None:
@@ -233,31 +240,29 @@ class Experiment(CardDisplay):
         return max((max(s.latest, s.earliest) for s in sensors), default=0.0)
 
     @cached_property
-    def scored(self) -> BoolArray | None:
-        """Which samples count, shape (n_samples,); None for all.
+    def scored(self) -> BoolArray:
+        """Which samples count, shape (n_samples, n_outputs).
 
-        Not those of the mask, nor the first, up to the longest delay: they show what came before the start.
+        Not those of the mask and of blanks, nor the first, up to the longest delay: they show what came before the
+        start.
         """
         late = max((s.latest for s in self.sensors.values()), default=0.0)
-        if not self.mask and late == 0.0:
-            return None
         slack, clock = 1e-6 * self.step, self.start + self.time
-        counts = self.time >= late - slack
-        for first, last in self.mask:
-            counts[np.searchsorted(clock, first - slack) : np.searchsorted(clock, last + slack, "right")] = False
-        return counts
+        counts = (self.time >= late - slack) & ~within(clock, self.mask, slack)
+        blanks = self.blanks or [()] * self.measured.shape[1]
+        return np.column_stack([counts & ~within(clock, blank, slack) for blank in blanks])
 
     @property
-    def samples(self) -> int:
-        """How many samples count."""
-        return len(self.measured) if self.scored is None else int(np.count_nonzero(self.scored))
+    def samples(self) -> float:
+        """How many samples of an output count, of all on average."""
+        return float(np.count_nonzero(self.scored) / self.measured.shape[1])
 
     def until(self, horizon: float) -> Experiment:
         """Keep the first `horizon` seconds, those that are not scored beside them."""
         within = round(horizon / self.step) + 1 if self.times is None else np.count_nonzero(self.times <= horizon)
         n = max(3, int(within))
-        if self.scored is not None:
-            n = int(np.searchsorted(np.cumsum(self.scored), min(n, self.samples))) + 1
+        counted = np.cumsum(np.any(self.scored, axis=1))
+        n = int(np.searchsorted(counted, min(n, counted[-1]))) + 1
         return self.part(0, min(len(self.measured), n))
 
     def part(self, first: int, end: int) -> Experiment:

@@ -28,7 +28,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from fracid.arrays import FloatArray, by_name
+from fracid.arrays import BoolArray, FloatArray, by_name
 from fracid.arrowhead import Blocks
 from fracid.cards import Card, CardDisplay, listed
 from fracid.errors import Failure, InputError, brief
@@ -252,6 +252,11 @@ class Problem(Parametrisation, CardDisplay):
             return None
         rows = np.cumsum([0, *(len(e.measured) * len(self.outputs) for e in self.experiments)])
         return Blocks(recording, rows, 0 if self.weights == "equal" else len(self.outputs))
+
+    @property
+    def scored(self) -> list[BoolArray]:
+        """Which samples of each recording count, shape (n_samples, n_outputs)."""
+        return [e.scored for e in self.experiments]
 
     @cached_property
     def last_derivatives(self) -> dict[bytes, tuple[Any, Any]]:

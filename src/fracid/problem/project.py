@@ -692,6 +692,7 @@ def _load(spec: _Recording, channels: _Channels, model: Model, folder: Path, pas
     load = partial(
         load_recording, folder / spec.file, time=spec.time, start=None if past else spec.start, stop=spec.stop,
         name=name, variable=spec.variable, resample="uneven" if spec.resample == "uneven" else None,
+        outputs=[n for n in columns if n not in model.inputs],
     )  # fmt: skip
     recording = load(columns)
     headers, units = with_code(recording.report.reading, "header-taken-as"), {**model.input_units, **model.output_units}
@@ -744,8 +745,8 @@ def _shared(loaded: list[_Loaded], experiments: list[Experiment], outputs: tuple
     for (one, e, own), (other, f, others) in combinations(each, 2):
         if own.isdisjoint(others):
             continue
-        there = np.interp(one.time, other.time, np.ones(len(f.time)) if f.scored is None else f.scored, left=0, right=0)
-        both = one.time[(there > 0.5) & (e.scored is None or e.scored)]
+        there = np.interp(one.time, other.time, np.any(f.scored, axis=1), left=0, right=0)
+        both = one.time[(there > 0.5) & np.any(e.scored, axis=1)]
         if len(both) > 1:
             yield SAYS("same-samples", one=one, other=other, begin=both[0], end=both[-1])
 

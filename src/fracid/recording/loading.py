@@ -11,7 +11,7 @@ Both keep the file's SHA-256, and refuse a file that changes while it is read.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from numbers import Real
@@ -45,6 +45,7 @@ def load_recording(
     resample: bool | float | str | None = None,
     name: str | None = None,
     variable: str | None = None,
+    outputs: Collection[str] = (),
 ) -> Recording:
     """Load a recording that is fit for use.
 
@@ -67,6 +68,8 @@ def load_recording(
         None is the file's name without its ending.
     variable : str, optional
         Which array of a .mat, .npz or HDF5 file.
+    outputs : collection of str
+        Signals that may be missing in any number of samples, as outputs that are assayed now and then are.
 
     Returns
     -------
@@ -91,7 +94,7 @@ def load_recording(
         path, columns, time=time, start=start, stop=stop, name=name, variable=variable,
         uneven=isinstance(resample, str) and resample == "uneven",
     )  # fmt: skip
-    return resampled(recording.bridge_blanks(), resample)
+    return resampled(recording.bridge_blanks(outputs), resample)
 
 
 def resampled(recording: Recording, resample: bool | float | str | None) -> Recording:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from numbers import Real
 from pathlib import Path
@@ -45,6 +45,8 @@ class Recording(CardDisplay):
     """Signals that keep their value between samples (commands), so are never interpolated linearly."""
     bridged: tuple[tuple[float, float], ...] = ()
     """From when to when :meth:`resample` bridged a gap [s]: no sample of it was measured."""
+    blanks: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
+    """Signal → from when to when it was not measured, while others were [s]."""
     assumed: frozenset[str] = frozenset()
     """Signals of which neither the caller nor the file says a unit."""
 
@@ -205,30 +207,36 @@ class Recording(CardDisplay):
         reports = tuple(replace(s, resolution=known.get(s.name, s.resolution)) for s in new.report.signals)
         return replace(new, report=replace(new.report, signals=reports))
 
-    def bridge_blanks(self) -> Recording:
+    def bridge_blanks(self, outputs: Collection[str] = ()) -> Recording:
         """Return the recording with its few missing samples interpolated, of which none is scored.
 
         At its ends they are left out.  The value is rounded to the encoder's step.  A recording that misses more
-        (:func:`fracid.recording.report.bridgeable`) is returned as it is.
+        (:func:`fracid.recording.report.bridgeable`) is returned as it is.  Of `outputs` any number may be missing, as
+        of one that is assayed every minute: the others are scored there.
 
         Examples
         --------
         >>> alpha = np.where(np.arange(50) == 7, np.nan, np.arange(50.0))
         >>> bridged = Recording.of("twin", np.arange(50.0), {"alpha": alpha}).bridge_blanks()
-        >>> float(bridged.signals["alpha"][7]), bridged.bridged
-        (7.0, ((6.5, 7.5),))
+        >>> float(bridged.signals["alpha"][7]), bridged.blanks
+        (7.0, {'alpha': ((6.5, 7.5),)})
         """
-        blank = ~np.all([np.isfinite(x) for x in self.signals.values()], axis=0)
-        if self.report.faults or not blank.any() or blank.all():
+        missing = {n: blank for n, x in self.signals.items() if (blank := ~np.isfinite(x)).any()}
+        many, none = {n for n in outputs if n in missing and not missing[n].all()}, np.zeros(len(self.time), bool)
+        required = replace(self.report, signals=tuple(s for s in self.report.signals if s.name not in many))
+        lost = np.any([none, *(blank for n, blank in missing.items() if n not in many)], axis=0)
+        lost |= bool(many) & np.all([missing.get(n, none) for n in outputs if n in self.signals], axis=0)
+        if required.faults or not missing or lost.all():
             return self
-        count, sound = int(blank.sum()), np.flatnonzero(~blank)
-        part = slice(int(sound[0]), int(sound[-1]) + 1)
+        first, last = np.flatnonzero(~lost)[[0, -1]]
+        part = slice(first, last + 1)
         time, half = self.time[part], 0.5 * self.report.clock.step
-        runs = tuple((float(time[a]) - half, float(time[b - 1]) + half) for a, b in stretches(blank[part]))
+        edges = np.concatenate([time[:1] - half, 0.5 * (time[:-1] + time[1:]), time[-1:] + half])
+        blanks = {n: tuple(map(tuple, edges[stretches(blank[part])].tolist())) for n, blank in missing.items()}
         steps = {s.name: s.resolution for s in self.report.signals}
         signals = {n: _filled(time, x[part], steps[n]) for n, x in self.signals.items()}
-        note = f"{count} missing sample{'s are' if count > 1 else ' is'} interpolated and not scored."
-        return replace(self, bridged=(*self.bridged, *runs))._with(time, signals, Note(note, "interpolated"))
+        notes = (SAYS("blank", name=n, count=np.sum(blank), times=blank.size) for n, blank in missing.items())
+        return replace(self, blanks=blanks)._with(time, signals, *(Note(note, "interpolated") for note in notes))
 
     def masked(self, mask: Iterable[Sequence[float]]) -> Recording:
         """Return the recording with the findings of what is not masked, from when to when [s].
@@ -267,7 +275,8 @@ class Recording(CardDisplay):
         """Measured again; a release that was found stays, for the plateau that tells it may be cut off."""
         old, resampled = self.report, resampled or self.report.resampled
         report = measure(
-            time, signals, self.units, (*old.reading, *notes), resampled=resampled, bridged=self.bridged,
+            time, signals, self.units, (*old.reading, *notes), resampled=resampled,
+            bridged={n: (*self.bridged, *self.blanks.get(n, ())) for n in signals},
             uneven=self.uneven and resampled is None,
         )  # fmt: skip
         of_the_file = tuple(f for f in old.findings if f.where == "time" or f.code == "other-unit")

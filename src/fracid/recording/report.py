@@ -29,14 +29,14 @@ Release
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import chain
 from typing import Any
 
 import numpy as np
 
-from fracid.arrays import FloatArray, Signals
+from fracid.arrays import ROUNDED, FloatArray, Signals, within
 from fracid.findings import Finding, Note, Words, with_code
 from fracid.recording.dropout import dropouts, without_dropouts
 from fracid.recording.faults import signal_faults
@@ -243,7 +243,8 @@ class Report:
 
 def measure(
     time: FloatArray, signals: Signals, units: Mapping[str, str], reading: tuple[str, ...] = (),
-    resampled: str | None = None, bridged: tuple[tuple[float, float], ...] = (), *, uneven: bool = False,
+    resampled: str | None = None, bridged: Mapping[str, Sequence[tuple[float, float]]] | None = None, *,
+    uneven: bool = False,
 ) -> Report:  # fmt: skip
     """Measure a recording.
 
@@ -256,7 +257,7 @@ def measure(
     reading, resampled
         What was done before, carried into the report.
     bridged
-        From when to when a gap was bridged [s]: what is there is no sample, and has no faults.
+        Signal → from when to when it was not measured [s]: what is there is no sample, and has no faults.
     uneven
         Whether samples are meant to lie unevenly, as those that crowd are: what is told by their steps is not asked.
 
@@ -281,7 +282,7 @@ def measure(
     if driven:  # nobody let go
         reason = Note(f"{reason}, then an input moves it", "by-input")
     measured = tuple(measure_signal(n, units[n], time, x, sound=sound[n]) for n, x in signals.items())
-    findings = () if uneven or disorder else signal_faults(time, _samples(time, signals, bridged), measured)
+    findings = () if uneven or disorder else signal_faults(time, _samples(time, signals, bridged or {}), measured)
     findings += tuple(_short(time, swinging(sound, units), None if driven else release, measured))
     return Report(clock, measured, release, reason, reading=reading, resampled=resampled, findings=findings,
                   uneven=uneven)  # fmt: skip
@@ -309,12 +310,11 @@ def _short(
         yield SAYS.finding("short-window", "", turns.size / 2, FEW_SWINGS, seconds=seconds)
 
 
-def _samples(time: FloatArray, signals: Signals, bridged: tuple[tuple[float, float], ...]) -> Signals:
+def _samples(time: FloatArray, signals: Signals, bridged: Mapping[str, Sequence[tuple[float, float]]]) -> Signals:
     """Signals without what bridges a gap: NaN there."""
-    inside = np.zeros(time.size, dtype=bool)
-    for a, b in bridged:
-        inside |= (time > a) & (time < b)
-    return {n: np.where(inside, np.nan, x) for n, x in signals.items()} if inside.any() else signals
+    slack = -ROUNDED * float(np.ptp(time)) / max(1, time.size - 1)  # its ends were measured
+    spans = {n: bridged[n] for n in signals if bridged.get(n)}
+    return {**signals, **{n: np.where(within(time, at, slack), np.nan, signals[n]) for n, at in spans.items()}}
 
 
 def swinging(signals: Signals, units: Mapping[str, str]) -> FloatArray:

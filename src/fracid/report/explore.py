@@ -203,13 +203,13 @@ def _recording(material: Material, problem: Problem, x: FloatArray, e: Experimen
 
 def _lines(material: Material, e: Experiment, samples: int) -> dict[str, dict[str, str]]:
     """The measured and the fitted samples; nothing where the page draws all of them."""
-    if samples == len(e.measured) and e.scored is None:
+    if samples == len(e.measured) and np.all(e.scored):
         return {}
     r, outputs = material.fit.recordings[e.name], material.problem.outputs
-    scored = np.ones(len(e.measured), bool) if e.scored is None else e.scored
+    scored = zip(outputs, e.scored.T, strict=True)
     shown = {n: material.unit(n)[1] for n in outputs}
     return {
-        "measured": {n: base64_floats(np.where(scored, shown[n] * r.measured[n], np.nan)[:samples]) for n in outputs},
+        "measured": {n: base64_floats(np.where(own, shown[n] * r.measured[n], np.nan)[:samples]) for n, own in scored},
         "fitted": {n: base64_floats(shown[n] * r.fitted[n][:samples]) for n in outputs},
     }
 

@@ -258,7 +258,7 @@ def amplitude_test(
             notes.append(str(spans))
             continue
         for span in [*spans, *([(0, len(e.measured))] * (len(fits) > 1))]:
-            if e.scored is not None and np.mean(e.scored[slice(*span)]) < LEAST_SCORED:
+            if np.mean(np.any(e.scored[slice(*span)], axis=1)) < LEAST_SCORED:
                 continue
             window = _window(fitted, at, e, span, fit_errors=errors, jobs=jobs)
             if isinstance(window, Failure):

@@ -87,7 +87,7 @@ def criterion(problem: Problem, x: FloatArray, parameters: int) -> float | None:
     >>> round(criterion(problem, problem.start, 1) / 2000, 1)
     -9.2
     """
-    gaps = any(e.scored is not None or e.deviation is not None for e in problem.experiments)
+    gaps = any(not np.all(e.scored) or e.deviation is not None for e in problem.experiments)
     apart = problem.blocks is not None or problem.priors
     errors = problem.errors(x)
     if gaps or apart or problem.cost_function != COSTS["rmse"] or isinstance(errors, Failure):

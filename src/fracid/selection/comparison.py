@@ -377,7 +377,7 @@ def _fit_structure(
     return as_json(FittedBlock, {
         "row": row,
         "squares": None if best.residuals is None else float(np.sum(best.residuals**2)),
-        "samples": 2.0 if isinstance(errors, Failure) else effective_samples(errors),
+        "samples": 2.0 if isinstance(errors, Failure) else effective_samples(errors, problem.scored),
         "curves": curves,
         "work": watch.work,
     })  # fmt: skip
@@ -476,8 +476,9 @@ def _score(problem: Problem, e: Experiment, simulated: FloatArray | Failure) -> 
     error = np.where(np.isnan(simulated), 0.0, e.measured - simulated)
     fitted = dict(zip(problem.outputs, (e.measured - error).T, strict=True))
     fit = RecordingFit(e.name, "", e.time, measured, fitted=fitted, cost=0.0, initial={}, parameters={}, units=e.units,
-                       scored=e.scored)  # fmt: skip
-    itae = {n: COSTS["itae"].value(e.weighed_at, error[:, [o]], e.scored) for o, n in enumerate(problem.outputs)}
+                       scored=dict(zip(problem.outputs, e.scored.T, strict=True)))  # fmt: skip
+    by, own = COSTS["itae"], e.scored
+    itae = {n: by.value(e.weighed_at, error[:, [o]], own[:, [o]]) for o, n in enumerate(problem.outputs)}
     return Score(fit.rmse, fit.fit_percent, itae)
 
 

@@ -492,7 +492,8 @@ def _told(problem: Problem, x: FloatArray) -> tuple[float, float]:
     residuals = replace(problem, experiments=once, memo=None).evaluate(x).residuals
     assert residuals is not None
     assert not isinstance(errors, Failure)
-    return float(residuals @ residuals), min(effective_samples(errors), float(np.sum(joined(kept) ** -2.0)))
+    worth = effective_samples(errors, problem.scored)
+    return float(residuals @ residuals), min(worth, float(np.sum(joined(kept) ** -2.0)))
 
 
 def judged(rival: Rival, gain: float) -> tuple[str, str] | None:

@@ -125,7 +125,7 @@ def _is_worth_it(problem: Problem, further: Evaluation, end: Evaluation) -> bool
     errors = problem.errors(further.point)
     if isinstance(errors, Failure):
         return False
-    n, k = effective_samples(errors), len(problem.names)
+    n, k = effective_samples(errors, problem.scored), len(problem.names)
     before, after = (schwarz(float(e.residuals @ e.residuals), k, n, problem.cost_function)
                      for e in (end, further) if e.residuals is not None)  # fmt: skip
     return before - after > STRONG

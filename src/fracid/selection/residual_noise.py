@@ -52,9 +52,10 @@ def leftovers(problem: Problem, x: FloatArray) -> dict[str, LeftOver]:
 
 def _left_over(r: RecordingFit, output: str, inputs: FloatArray, unknowns: Callable[[], FloatArray]) -> LeftOver:
     """Of one output: what counts of it, in standard deviations where these are known."""
-    residual, percent = r.standardised(output), r.fit_percent[output]
-    left = left_over(residual, r.measured[output], known=output in r.deviations)
-    if not left.explained:
+    percent, own = r.fit_percent[output], r.of(output)
+    residual = own.standardised(output)
+    left = left_over(residual, own.measured[output], known=output in r.deviations)
+    if not left.explained and own is r:
         at, simulated = longest_stretch(np.isfinite(residual)), np.column_stack([*r.fitted.values()])
         motion = np.hstack([simulated, inputs]) if len(inputs) == len(simulated) else simulated
         left = replace(left, coloured=is_coloured_noise(residual[at], motion[at], lambda: unknowns()[at]))

@@ -192,13 +192,15 @@ def neighbour_sums(scores: FloatArray, m: int) -> FloatArray:
     return np.asarray(total[m:] - total[:-m])
 
 
-def effective_samples(errors: list[FloatArray]) -> float:
+def effective_samples(errors: list[FloatArray], scored: list[BoolArray] | None = None) -> float:
     """As how many independent samples correlated residuals count, 2 at least.
 
     Parameters
     ----------
     errors : list of array, shape (n_samples, n_outputs)
         The residuals of each recording; each output counts by its own scatter.
+    scored : list of array of bool, optional
+        Which of them count, those of an output then one after the other; all if left out.
 
     Returns
     -------
@@ -214,6 +216,8 @@ def effective_samples(errors: list[FloatArray]) -> float:
     True
     """
     together = np.concatenate(errors)
+    counts = np.ones(together.shape, bool) if scored is None else np.concatenate(scored)
+    together = np.take_along_axis(together * counts, np.argsort(~counts, axis=0, kind="stable"), axis=0)
     spread = np.std(together, axis=0)
     time = max(1.0, sokal_bandwidth(together / np.where(spread > 0, spread, 1.0)) / 5)  # five correlation times
-    return max(2.0, together.size / time)
+    return max(2.0, int(np.count_nonzero(counts)) / time)

@@ -351,17 +351,18 @@ def _noise_at_the_start(problem: Problem, x: FloatArray) -> dict[str, FloatArray
     errors = problem.errors(x)
     if isinstance(errors, Failure):
         return {}
-    left_over = [[float(np.sqrt(np.mean(r**2))) for r in d.T] for d in errors]
-    return {e.name: np.array([min(noise_level(y), rms) for y, rms in zip(e.measured.T, left, strict=True)])
-            for e, left in zip(problem.experiments, left_over, strict=True)}  # fmt: skip
+    return {e.name: np.array([min(noise_level(y[own]), float(np.sqrt(np.mean(r[own] ** 2))))
+                              for y, r, own in zip(e.measured.T, d.T, e.scored.T, strict=True)])
+            for e, d in zip(problem.experiments, errors, strict=True)}  # fmt: skip
 
 
 def _cannot_explain(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[Finding]:
     fitted = problem.followed(x, e.name)
     if isinstance(fitted, Failure):
         return
-    there = np.isfinite(fitted[:, 0]) & (True if e.scored is None else e.scored)
-    for o, y, z in zip(problem.outputs, e.measured[there].T, fitted[there].T, strict=True):
+    there = np.isfinite(fitted) & e.scored
+    for k, o in enumerate(problem.outputs):
+        y, z = e.measured[there[:, k], k], fitted[there[:, k], k]
         rms, spread, noise = float(np.sqrt(np.mean((y - z) ** 2))), float(np.std(y)), noise_level(y)
         part, times = rms / max(spread, 1e-300), rms / noise
         if LEFT_OVER < part < NO_BETTER and part * times > BETWEEN:

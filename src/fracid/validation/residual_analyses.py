@@ -6,7 +6,6 @@ Slow beside all else that a page shows, for what the tests import: a fit leaves 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 from fracid.estimation.records import RecordingFit
@@ -29,8 +28,4 @@ def analysed(recordings: Mapping[str, RecordingFit], resolutions: Mapping[str, M
 
 def first_part(r: RecordingFit, samples: int = ANALYSED) -> RecordingFit:
     """The first so many samples of a recording and its simulation, without a copy."""
-    if r.time.size <= samples:
-        return r
-    lines = [{n: y[:samples] for n, y in of.items()} for of in (r.measured, r.fitted, r.deviations)]
-    scored = None if r.scored is None else r.scored[:samples]
-    return replace(r, time=r.time[:samples], measured=lines[0], fitted=lines[1], deviations=lines[2], scored=scored)
+    return r if r.time.size <= samples else r.at(slice(samples))

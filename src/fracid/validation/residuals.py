@@ -108,7 +108,8 @@ def residual_analysis(
     Parameters
     ----------
     recording : RecordingFit
-        Samples without a finite residual are left out; of what they tear apart the longest piece is looked at.  Uneven
+        Samples without a finite residual are left out; of what they tear apart the longest piece is looked at.  Those
+        of an output that is measured now and then are taken one after the other (:meth:`RecordingFit.of`).  Uneven
         ones are taken one after the other, their median step for all, and are not asked for frequencies.  Where samples
         have standard deviations, the tests are those of the residual in these.
     output : str
@@ -144,6 +145,7 @@ def residual_analysis(
     74 % of its power lies at 1.9 Hz, 2 times the swing's: something differs between left and right: ...
     """
     refuse_unknown(f"output of {recording.name}", recording.measured, output)
+    recording = recording.of(output)
     (step, even), unit = _step(recording), recording.unit(output)
     whole, raw = recording.standardised(output), recording.residual(output)
     part = longest_stretch(np.isfinite(whole))
