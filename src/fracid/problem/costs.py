@@ -196,10 +196,11 @@ class Cost:
 
     def weights(self, time: FloatArray, scored: Scored = None) -> FloatArray:
         """w of each sample, 0 of those that do not count, shape (n_samples, n_outputs), or (n_samples, 1)."""
-        counts = np.ones((len(time), 1), bool) if scored is None else scored
+        if scored is None:
+            return self.weight(time)[:, None]
         if self.per_sample:
-            return np.asarray(counts * (counts.shape[1] / max(1, np.count_nonzero(counts))))
-        return np.asarray(counts * self.weight(time)[:, None])
+            return np.asarray(scored * (scored.shape[1] / max(1, np.count_nonzero(scored))))
+        return np.asarray(scored * self.weight(time)[:, None])
 
     def rows(self, time: FloatArray, residual: FloatArray, scored: Scored = None) -> FloatArray | None:
         """Rows for least squares, shape (n_samples · n_outputs,), None for a user's own cost."""

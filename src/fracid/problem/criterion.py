@@ -91,7 +91,8 @@ class Criterion:
     def _joined(self, errors: list[FloatArray], at: slice = slice(None)) -> float:
         """The recordings' costs together, each by its weight; of all outputs, or those `at`."""
         cost = self.cost_function
-        costs = [cost.value(e.weighed_at, r, e.scored[:, at]) for e, r in self._pairs(errors)]
+        scored = [None if e.partly is None else e.partly[:, at] for e in self.experiments]
+        costs = [cost.value(e.weighed_at, r, own) for (e, r), own in zip(self._pairs(errors), scored, strict=True)]
         return cost.join(costs, self._samples[:, at].mean(axis=1).tolist(), [e.weight for e in self.experiments])
 
     @cached_property
@@ -160,7 +161,7 @@ class Criterion:
 
     def _rows(self, x: FloatArray, errors: list[FloatArray]) -> FloatArray | None:
         """Rows for least squares: the samples', with ``noise`` one for each output's floor, one for each prior."""
-        recordings = [self.cost_function.rows(e.weighed_at, r, e.scored) for e, r in self._pairs(errors)]
+        recordings = [self.cost_function.rows(e.weighed_at, r, e.partly) for e, r in self._pairs(errors)]
         rows = [share * r for share, r in zip(self.shares(), recordings, strict=True) if r is not None]
         if not rows:
             return None

@@ -252,6 +252,11 @@ class Experiment(CardDisplay):
         blanks = self.blanks or [()] * self.measured.shape[1]
         return np.column_stack([counts & ~within(clock, blank, slack) for blank in blanks])
 
+    @cached_property
+    def partly(self) -> BoolArray | None:
+        """The same; None where all count, so that nothing is spent on them."""
+        return None if np.all(self.scored) else self.scored
+
     @property
     def samples(self) -> float:
         """How many samples of an output count, of all on average."""

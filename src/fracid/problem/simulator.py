@@ -97,7 +97,7 @@ class Simulator:
                     errors[k] = outputs
                 elif not isinstance(found, Failure):
                     error = e.in_deviations(e.measured - outputs)
-                    found.append(np.where(e.scored, error, 0.0))
+                    found.append(error if e.partly is None else np.where(e.partly, error, 0.0))
         return errors
 
     def all_outputs(self, points: Sequence[FloatArray], e: Experiment) -> list[FloatArray | Failure]:

@@ -79,7 +79,7 @@ def fit_charts(material: Material, r: RecordingFit) -> Iterator[Chart]:
     time, clock = r.time - r.time[0], f"time after {number(r.time[0], '.6g')} s [s]" if r.time[0] else "time [s]"
     for k, name in enumerate(r.measured):
         unit, factor, step, limit = _scale(material, r, name)
-        last, α = k == len(r.measured) - 1, letter(name)
+        last, α, own = k == len(r.measured) - 1, letter(name), r.of(name)
         yield Chart(
             f"{α}, measured and simulated", time, "", f"{α}{_in(unit)}",
             series=(Series("measured", factor * r.measured[name], "measured"),
@@ -87,8 +87,8 @@ def fit_charts(material: Material, r: RecordingFit) -> Iterator[Chart]:
             xname="time", height=150,
         )  # fmt: skip
         yield Chart(
-            residual_title(α, unit, step), time, clock if last else "", f"residual{_in(unit)}",
-            series=(Series("measured − simulated", factor * r.residual(name), "residual"),), xname="time",
+            residual_title(α, unit, step), own.time - r.time[0], clock if last else "", f"residual{_in(unit)}",
+            series=(Series("measured − simulated", factor * own.residual(name), "residual"),), xname="time",
             bands=(Band("y", -step / 2, step / 2),) if step else (), height=140 if last else 116,
             yrange=(-limit, limit), right=encoder_ticks(limit, step), rightlabel="steps" if step else "",
         )  # fmt: skip
