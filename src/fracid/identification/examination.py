@@ -423,7 +423,7 @@ class Examination:
             self.claim = replace(self.claim, reasons=(*self.claim.reasons, reason))
 
     def _cheaper(self, part: Problem) -> tuple[Problem, Evaluation]:
-        """What alternatives are held against: part of the record at its minimum, at the search's step if that does."""
+        """What alternatives are held against: part of the record at its minimum, at the longest step that does."""
         setting, problem, best = self.setting, self.at.problem, self.at.best
         if part is not problem:
             return part, self._refined(part, embedded(part, problem.named(best.point)))
@@ -431,12 +431,14 @@ class Examination:
         dense = problem if own else as_fitted(problem, best.point, TO_COMPARE)
         if dense is not problem:
             return dense, dense.evaluate(best.point)  # the residuals of its own steps
-        began = setting.problem.substeps
-        if is_coarse(problem) or setting.window is not None or began == problem.substeps:
-            return problem, best
-        coarse = replace(problem, substeps=began)
-        there = self._refined(coarse, best.point)
-        return (coarse, there) if abs(there.cost - best.cost) <= SAME * best.cost else (problem, best)
+        steps = setting.problem.substeps
+        while steps < problem.substeps and setting.window is None and not is_coarse(problem):
+            coarse = replace(problem, substeps=steps)
+            there = self._refined(coarse, best.point)
+            if abs(there.cost - best.cost) <= SAME * best.cost:
+                return coarse, there
+            steps *= 2
+        return problem, best
 
     def missed(self) -> Iterator[Finding]:
         """Validation recordings that the model does not predict."""
