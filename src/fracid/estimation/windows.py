@@ -207,7 +207,7 @@ def windowed(problem: Problem, seconds: float, parts: int = 1) -> Problem:
     >>> swing = Experiment("twin", 4e-3, np.cos(np.arange(900) / 9)[:, None] * [1, 1], np.zeros((1, 1)))
     >>> pieces = windowed(Problem(rig, (swing,), {"lambda": 1.0, "mu": 1.0}), 0.6)
     >>> [e.name for e in pieces.experiments][:2], sum(e.samples for e in pieces.experiments), [*pieces.recordings]
-    (['twin, window 1', 'twin, window 2'], 900, ['twin'])
+    (['twin, window 1', 'twin, window 2'], 900.0, ['twin'])
     """
     orders = problem.orders.values()
     remembers, of = any(not isinstance(v, float | int) or v != round(v) for v in orders), len(problem.experiments)
