@@ -13,7 +13,7 @@ import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from hashlib import sha256
 from typing import Any
 
@@ -522,15 +522,13 @@ def _loops(loop: ClosedLoop, seed: int) -> list[Controller]:
         short = max(0.0, 1 - held / (c.seconds - 1.5 * c.period)) + max(0.0, effort / allowed - 1) + near
         return c.weighed(error, effort) + 10 * short
 
-    def refined(z: FloatArray, *of: Any) -> Any:
-        return minimize(judged, z, of, method="Nelder-Mead", options={"maxfev": TRIES})
-
+    refined = partial(minimize, judged, method="Nelder-Mead", options={"maxfev": TRIES})
     rough = differential_evolution(judged, RANGES, ((np.inf, 0.0),), maxiter=GENERATIONS, popsize=PEOPLE, rng=seed,
                                    polish=False)  # fmt: skip
-    z = refined(rough.x, (np.inf, 0.0)).x
+    z = refined(rough.x, ((np.inf, 0.0),)).x
     plain = made(z)
     bounds = ran(plain)[2], margins(loop.fitted, plain)[2]
-    found = {orders: refined(z, bounds, orders, "FOPID") for orders in ORDERS}
+    found = {orders: refined(z, (bounds, orders, "FOPID")) for orders in ORDERS}
     best = min(ORDERS, key=lambda orders: found[orders].fun)
     return [plain, made(found[best].x, best, "FOPID")]
 

@@ -48,6 +48,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -155,10 +156,7 @@ class Ladder:
 
     def solved_with(self, substeps: int) -> Ladder:
         """The same at other steps a sample; made anew there, what an unknown hardly does might leave it out, or not."""
-
-        def at(problem: Problem) -> Problem:
-            return replace(problem, substeps=substeps)
-
+        at = partial(replace, substeps=substeps)
         structures = tuple(replace(s, problem=at(s.problem), whole=at(s.whole)) for s in self.structures)
         return replace(self, structures=structures, given=at(self.given))
 
