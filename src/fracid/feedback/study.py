@@ -337,9 +337,6 @@ def _refuse_unseen(loop: ClosedLoop, unseen: FloatArray) -> None:
 def control(
     fit: Fit,
     *,
-    draws: int = DRAWS,
-    points: FloatArray | None = None,
-    seed: int = 1,
     jobs: int = 1,
     journal: Journal | None = None,
     progress: Callable[[Progress], None] | None = None,
@@ -350,18 +347,18 @@ def control(
     Parameters
     ----------
     fit : Fit or SavedRun
-    draws : int
-        Of the unknowns.
-    points : ndarray, shape (draws, n_unknowns), optional
-        The draws, such as those of a posterior, in place of the covariance's.
-    seed : int
-        Random seed.
     jobs : int
         Threads; the result is the same for any number.
     journal, progress
         As for :func:`fracid.run_tasks`.
     **loop
         What follows here.
+    draws : int
+        Of the unknowns.
+    points : ndarray, shape (draws, n_unknowns), optional
+        The draws, such as those of a posterior, in place of the covariance's.
+    seed : int
+        Random seed.
     kind : str
         ``lqr``, regulators of several weights; ``pid``, a PID of the output that begins off, beside a fractional one
         of the same effort; or ``swing``, several pumps that swing a pendulum up from hanging before a regulator.
@@ -401,13 +398,13 @@ def control(
     >>> found.share, found.design.phase_margin > 30
     (1.0, True)
     """
-    plan = planned(fit, draws=draws, points=points, seed=seed, jobs=jobs, **loop)
-    return plan.run(jobs=jobs, journal=journal, progress=progress)
+    return planned(fit, jobs=jobs, **loop).run(jobs=jobs, journal=journal, progress=progress)
 
 
 def planned(
-    fit: Fit, *, draws: int, points: FloatArray | None, seed: int, jobs: int, kind: str = "lqr", **loop: Any
-) -> Plan:
+    fit: Fit, *, draws: int = DRAWS, points: FloatArray | None = None, seed: int = 1, jobs: int = 1, kind: str = "lqr",
+    **loop: Any,
+) -> Plan:  # fmt: skip
     """What is to be tried; refuses what cannot be controlled."""
     designs, begins = entry_of("kind of controller", KINDS, kind)
     closed, unseen = conditions_of(fit.problem, fit.x, begins=begins, **loop), np.empty((0, 0))
