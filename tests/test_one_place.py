@@ -27,6 +27,7 @@ from fracid.solver.loop_arguments import RUN
 from fracid.solver.methods import METHODS, Method
 from program import fit_in, run
 from sources import nodes
+from twins import frictions
 
 OPTIMISER = '''
 import numpy as np
@@ -171,7 +172,7 @@ def test_the_report_and_the_figures_have_their_words(problem):
 
 def test_the_ladder_and_the_rival_have_its_friction(problem):
     found = ladder(problem)
-    assert found.frictions == ("viscous", "viscous + seal")
+    assert frictions(found) == ("viscous", "viscous + seal")
     assert set(found["viscous + seal, orders free"].problem.names) == {"nu", "hinge", "lip"}
     assert set(freed_friction(problem, None)) == {"lip"}  # the hinge is free already
 

@@ -55,3 +55,8 @@ def fit_of(fitted, residual, time, name="twin", **more):
     """What a fit keeps of a recording whose curves and residuals [rad] are these, by output."""
     measured = {output: y + residual[output] for output, y in fitted.items()}
     return RecordingFit(name, "fit", time, measured, fitted, 1e-3, {}, {}, **more)
+
+
+def frictions(ladder):
+    """The rungs of a ladder, in its order."""
+    return tuple(dict.fromkeys(s.friction for s in ladder.structures))

@@ -7,6 +7,7 @@ import pytest
 
 import fracid
 from fracid.selection.ladder import ladder
+from twins import frictions
 
 PROJECT = Path(__file__).parents[2] / "examples" / "real" / "xl330" / "xl330.toml"
 
@@ -37,7 +38,7 @@ def test_the_servos_friction_grows_with_its_load():
 def test_a_servo_is_compared_by_the_frictions_of_servos_and_on_the_gain_that_is_held_out():
     project = fracid.load_project(PROJECT)
     assert {e.name[:6] for e in project.validation} == {"kp 400"}
-    climbed = ladder(project.problem, others=project.validation).frictions
+    climbed = frictions(ladder(project.problem, others=project.validation))
     assert climbed[-1] == "viscous + Coulomb + load + Stribeck + presliding + elastic arm"
     assert len(climbed) == 6
 

@@ -28,7 +28,7 @@ from fracid.signals.left_over import LeftOver
 from fracid.solver.methods import METHODS
 from fracid.tasks.job import Progress
 from fracid.tasks.journal import Journal
-from twins import release
+from twins import frictions, release
 
 RIG = fracid.rotary_pendulum("stepper-freeswing")  # its arm is clamped: one degree of freedom
 C1 = RIG.parameter("C1").value
@@ -111,7 +111,7 @@ def test_evidence_of_a_cost_of_ones_own_is_refused_before_anything_is_fitted():
 def test_each_rung_frees_more_friction_and_holds_the_ones_below_exactly():
     found = ladder(problem(swing(dry=5e-5)), rungs=RUNGS)
     rungs = ["viscous", "Coulomb", "drag", "presliding", "LuGre", "springpot"]
-    assert found.frictions == (*(" + ".join(rungs[: k + 1]) for k in range(len(rungs))), OWN)
+    assert frictions(found) == (*(" + ".join(rungs[: k + 1]) for k in range(len(rungs))), OWN)
     for s in found.structures:
         for name in s.below:
             lower = found[name]
@@ -199,7 +199,7 @@ def test_what_only_a_recording_that_is_not_fitted_sees_is_found_there():
 
 def test_friction_to_keep_stays_as_the_problem_has_it():
     found = ladder(problem(swing(), parameters=INERTIA | {"b_alpha": 2e-5}), keep=["b_alpha"])
-    assert found.frictions[:2] == ("Coulomb", "Coulomb + drag")
+    assert frictions(found)[:2] == ("Coulomb", "Coulomb + drag")
     assert {s.problem.parameters["b_alpha"] for s in found.structures} == {2e-5}
 
 
@@ -237,7 +237,7 @@ def test_a_model_of_ones_own_climbs_the_rungs_that_it_has():
     run = fracid.simulate(own, orders={"q": 1.0}, initial={"x": 1.0}, step=2e-2, end=8.0)
     e = Experiment("one", 2e-2, run.states[:, :1], np.zeros((1, 1)), initial={"x": 1.0})
     found = ladder(Problem(own, (e,), {"q": Free(1.0, 0.5, 1.2)}, outputs=("x",), initial_state="held"))
-    assert found.frictions == ("viscous", "viscous + drag", OWN)  # that has viscous friction as it is, 0.1 1/s
+    assert frictions(found) == ("viscous", "viscous + drag", OWN)  # that has viscous friction as it is, 0.1 1/s
     assert found.notes[0] == (
         "The model slide has no parameter of the rungs Coulomb (coulomb_…), cable (cable_… or spring_…), presliding "
         "(presliding_…), LuGre (presliding_damping_… or stiction_… or stribeck_speed_…)."
@@ -252,7 +252,7 @@ def test_the_branches_of_a_capacitor_are_rungs_and_begin_where_its_own_size_is()
     e = Experiment("cell", 1.0, run.states[:, :1] + 0.05 * u[:, None], u[:, None], initial={"v": 0.0})
     free = {"C0": Free(15.0, 1.0, 150.0), "R": Free(0.05, 0.005, 0.5)}
     found = ladder(Problem(cell, (e,), {"q": Free(1.0, 0.6, 1.2)}, free, outputs=("voltage",), initial_state="held"))
-    assert found.frictions == ("branch", "branch + second branch", OWN)
+    assert frictions(found) == ("branch", "branch + second branch", OWN)
     assert found.notes == ()
     ranges = found["branch, orders 1"].problem.parameters
     assert (ranges["C_1"].start, ranges["R_1"].start) == pytest.approx((1.5, 0.5))
@@ -357,10 +357,10 @@ def test_a_project_that_is_a_rung_is_no_row_of_its_own_and_rungs_that_are_picked
     free = {"b_alpha": Free(1e-5, 0.0, 1e-3), "coulomb_alpha": Free(1e-5, 0.0, 1e-3)}
     rung = ladder(problem(swing(dry=5e-5), parameters=INERTIA | free))
     assert [s.name for s in rung.structures if s.given] == ["viscous + Coulomb, orders free"]
-    assert OWN not in rung.frictions
+    assert OWN not in frictions(rung)
     picked = problem(swing(dry=5e-5), parameters=INERTIA | {"b_alpha": 2e-5})
-    assert OWN in ladder(picked).frictions
-    assert ladder(picked, rungs=["viscous", "Coulomb"]).frictions == ("viscous", "viscous + Coulomb")
+    assert OWN in frictions(ladder(picked))
+    assert frictions(ladder(picked, rungs=["viscous", "Coulomb"])) == ("viscous", "viscous + Coulomb")
     with_dry = replace(picked, parameters=INERTIA | {"b_alpha": Free(1e-5, 0.0, 1e-3), "coulomb_alpha": 5e-5})
     found = ladder(with_dry)  # it has the unknowns of the viscous rung, and another dry friction
     assert found[f"{OWN}, orders 1"].below == ("viscous, orders 1",)

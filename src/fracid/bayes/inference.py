@@ -12,12 +12,11 @@ from fracid.arrays import FloatArray
 from fracid.bayes.laplace import importance_sample
 from fracid.bayes.nested import nested_sample
 from fracid.bayes.result import METHODS, Posterior
-from fracid.bayes.target import RecordedLikelihood, approximation, calibrated, joint_prior
+from fracid.bayes.target import SAYS, RecordedLikelihood, approximation, calibrated, joint_prior
 from fracid.errors import InputError, at_least, refuse_unknown
 from fracid.estimation.covariance import at_bound
 from fracid.estimation.fit_figures import FitPictures
 from fracid.estimation.long_records import as_fitted
-from fracid.findings import Words
 from fracid.problem import Problem
 from fracid.problem.project import Project
 from fracid.solver.trajectory import vector
@@ -25,8 +24,6 @@ from fracid.tasks.display import counted
 from fracid.tasks.job import Progress
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import Execution
-
-SAYS = Words("bayes/inference.toml")
 
 DRAWS = 2000
 """Of an importance sample, if no number is given."""

@@ -13,16 +13,14 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.bayes.evidence import log_fit
 from fracid.bayes.laplace import WeightedDraws
+from fracid.bayes.target import SAYS
 from fracid.cards import Card, CardDisplay, estimate_text, listed
 from fracid.errors import InputError, at_least, installed, refuse_unknown
 from fracid.figures import Figure, Style, draw
-from fracid.findings import Words
 from fracid.problem import Problem
 from fracid.safety.door import own_text
 from fracid.safety.schema import as_json
 from fracid.schemas.draws import PosteriorBlock
-
-SAYS = Words("bayes/result.toml")
 
 METHODS: dict[str, str] = tomllib.loads(own_text("bayes/methods.toml"))
 """How a posterior is drawn, by name."""

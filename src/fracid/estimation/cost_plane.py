@@ -11,14 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.estimation.records import Estimate
-from fracid.figures import Style, draw
+from fracid.figures import draw
 from fracid.units import number
 
 if TYPE_CHECKING:
@@ -135,14 +135,13 @@ class CostPlane:
         square = 1 + WALLS * np.expm1(RectBivariateSpline(self.first, self.second, rise)(first, second))
         return replace(self, first=first, second=second, cost=z.min() * np.sqrt(np.maximum(square, 1.0)))
 
-    def plot(
-        self, *, best: tuple[float, float] | None = None, evaluations: FloatArray | None = None,
-        cost_name: str = "cost", style: str | Style = "screen",
-    ) -> Figure:  # fmt: skip
+    def plot(self, **options: Any) -> Figure:
         """The cost over the two orders; see :func:`fracid.plots.cost_plane`.
 
         Parameters
         ----------
+        **options
+            What follows here.
         best : (float, float), optional
             What was found.
         evaluations : array, shape (k, 2), optional
@@ -159,7 +158,7 @@ class CostPlane:
         >>> plane.plot(best=(0.9, 0.9), cost_name="rmse").axes[1].get_ylabel()
         'RMSE relative to its least [–]'
         """
-        return draw("cost_plane", self.refined(), best=best, evaluations=evaluations, cost_name=cost_name, style=style)
+        return draw("cost_plane", self.refined(), **options)
 
 
 def _reach(problem: Problem, x: FloatArray, i: int, e: Estimate | None) -> float:

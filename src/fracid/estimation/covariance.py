@@ -375,11 +375,10 @@ def sandwich(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
     >>> sandwich(problem, problem.start, np.array([1])).covariance.shape
     (1, 1)
     """
-    if problem.blocks is not None:
-        J = by_blocks(problem, x, free, jobs=jobs)
-        return J if isinstance(J, Failure) else _sandwich(problem, J, free)
-    here = tangent(problem, x, jobs=jobs)
-    return here if isinstance(here, Failure) else _sandwich(problem, here.by(free), free)
+    here = tangent(problem, x, jobs=jobs) if problem.blocks is None else by_blocks(problem, x, free, jobs=jobs)
+    if isinstance(here, Failure):
+        return here
+    return _sandwich(problem, here.by(free) if isinstance(here, Tangent) else here, free)
 
 
 def _sandwich(problem: Problem, J: BlockJacobian, free: NDArray[np.intp]) -> Sandwich:

@@ -20,8 +20,8 @@ from fracid.experiments.exchange import Criterion, exchange, of_each
 from fracid.experiments.information import Information, of_samples
 from fracid.experiments.plan import Plan, Value
 from fracid.experiments.space import Candidate, DesignSpace, by_motion
-from fracid.experiments.subject import VAGUE, Subject, driven, subject_of_model, subject_of_problem
-from fracid.findings import Note, Words, with_code
+from fracid.experiments.subject import SAYS, VAGUE, Subject, driven, subject_of_model, subject_of_problem
+from fracid.findings import Note, with_code
 from fracid.fit import Fit
 from fracid.models import Model
 from fracid.problem import Problem
@@ -29,8 +29,6 @@ from fracid.problem.project import Project
 from fracid.runs.saved import SavedRun
 from fracid.tasks.job import Counter, in_threads
 from fracid.tasks.progress import Observer, Tell
-
-SAYS = Words("experiments/choice.toml")
 
 Source = Fit | Project | Problem | Model
 
@@ -114,7 +112,7 @@ def design(
     name = criterion or ("T" if against else "Ds" if of else "D")
     refuse_unknown("criterion", CRITERIA, name)
     if not (candidates := space.candidates):  # before a project is searched
-        raise InputError(SAYS("no-candidate"))
+        raise InputError(SAYS("empty-space"))
     watching = observer or Observer()
     if isinstance(source, Project):
         watching.stage("search")

@@ -14,7 +14,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError, at_least
 from fracid.findings import Words
 
-SAYS = Words("experiments/excitation.toml")
+SAYS = Words("experiments/space.toml")
 
 PARTS_OF_PEAK = (1.0, 0.5, 0.25)
 """Amplitudes that a design tries, as parts of the peak."""

@@ -13,11 +13,8 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
 from fracid.errors import InputError, is_number, refuse_unknown
-from fracid.experiments.excitation import Chirp, Excitation, Multisine, Pulses
-from fracid.findings import Words
+from fracid.experiments.excitation import SAYS, Chirp, Excitation, Multisine, Pulses
 from fracid.problem.unknowns import InitialState
-
-SAYS = Words("experiments/space.toml")
 
 ARMS = ("free", "clamped")
 

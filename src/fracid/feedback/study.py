@@ -13,7 +13,7 @@ import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from hashlib import sha256
 from typing import Any
 
@@ -337,9 +337,6 @@ def _refuse_unseen(loop: ClosedLoop, unseen: FloatArray) -> None:
 def control(
     fit: Fit,
     *,
-    draws: int = DRAWS,
-    points: FloatArray | None = None,
-    seed: int = 1,
     jobs: int = 1,
     journal: Journal | None = None,
     progress: Callable[[Progress], None] | None = None,
@@ -350,18 +347,18 @@ def control(
     Parameters
     ----------
     fit : Fit or SavedRun
-    draws : int
-        Of the unknowns.
-    points : ndarray, shape (draws, n_unknowns), optional
-        The draws, such as those of a posterior, in place of the covariance's.
-    seed : int
-        Random seed.
     jobs : int
         Threads; the result is the same for any number.
     journal, progress
         As for :func:`fracid.run_tasks`.
     **loop
         What follows here.
+    draws : int
+        Of the unknowns.
+    points : ndarray, shape (draws, n_unknowns), optional
+        The draws, such as those of a posterior, in place of the covariance's.
+    seed : int
+        Random seed.
     kind : str
         ``lqr``, regulators of several weights; ``pid``, a PID of the output that begins off, beside a fractional one
         of the same effort; or ``swing``, several pumps that swing a pendulum up from hanging before a regulator.
@@ -401,13 +398,13 @@ def control(
     >>> found.share, found.design.phase_margin > 30
     (1.0, True)
     """
-    plan = planned(fit, draws=draws, points=points, seed=seed, jobs=jobs, **loop)
-    return plan.run(jobs=jobs, journal=journal, progress=progress)
+    return planned(fit, jobs=jobs, **loop).run(jobs=jobs, journal=journal, progress=progress)
 
 
 def planned(
-    fit: Fit, *, draws: int, points: FloatArray | None, seed: int, jobs: int, kind: str = "lqr", **loop: Any
-) -> Plan:
+    fit: Fit, *, draws: int = DRAWS, points: FloatArray | None = None, seed: int = 1, jobs: int = 1, kind: str = "lqr",
+    **loop: Any,
+) -> Plan:  # fmt: skip
     """What is to be tried; refuses what cannot be controlled."""
     designs, begins = entry_of("kind of controller", KINDS, kind)
     closed, unseen = conditions_of(fit.problem, fit.x, begins=begins, **loop), np.empty((0, 0))
@@ -522,15 +519,13 @@ def _loops(loop: ClosedLoop, seed: int) -> list[Controller]:
         short = max(0.0, 1 - held / (c.seconds - 1.5 * c.period)) + max(0.0, effort / allowed - 1) + near
         return c.weighed(error, effort) + 10 * short
 
-    def refined(z: FloatArray, *of: Any) -> Any:
-        return minimize(judged, z, of, method="Nelder-Mead", options={"maxfev": TRIES})
-
+    refined = partial(minimize, judged, method="Nelder-Mead", options={"maxfev": TRIES})
     rough = differential_evolution(judged, RANGES, ((np.inf, 0.0),), maxiter=GENERATIONS, popsize=PEOPLE, rng=seed,
                                    polish=False)  # fmt: skip
-    z = refined(rough.x, (np.inf, 0.0)).x
+    z = refined(rough.x, ((np.inf, 0.0),)).x
     plain = made(z)
     bounds = ran(plain)[2], margins(loop.fitted, plain)[2]
-    found = {orders: refined(z, bounds, orders, "FOPID") for orders in ORDERS}
+    found = {orders: refined(z, (bounds, orders, "FOPID")) for orders in ORDERS}
     best = min(ORDERS, key=lambda orders: found[orders].fun)
     return [plain, made(found[best].x, best, "FOPID")]
 

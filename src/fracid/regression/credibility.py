@@ -10,7 +10,7 @@ import math
 
 from fracid.findings import Words
 
-SAYS = Words("regression/credibility.toml")
+SAYS = Words("regression/linear.toml")
 
 ENCODER = 2 * math.pi / 4096 / math.sqrt(12)
 """Noise of that encoder's rounding, rms [rad]."""

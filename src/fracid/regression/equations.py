@@ -26,17 +26,15 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.findings import Words
 from fracid.models import Model
 from fracid.models.written.formulas import Formula
 from fracid.models.written.tree import Assign, Entry, Number, Operation
 from fracid.problem import Experiment, Problem
 from fracid.problem.first_values import along, smoothing
+from fracid.regression.credibility import SAYS
 from fracid.regression.estimators import Gauge, sandwich, solve
 from fracid.regression.linear import Regression, SearchedOrder, constants_of, doubted, estimated
 from fracid.regression.rows import System, from_rest
-
-SAYS = Words("regression/equations.toml")
 
 STEEPER = 1.5
 """The second window over the first."""

@@ -13,13 +13,12 @@ from pydantic import Field
 from fracid.arrays import FloatArray, by_name
 from fracid.cards import Card, CardDisplay, brief, estimate_text, listed
 from fracid.errors import InputError, refuse_unknown
-from fracid.findings import Words
 from fracid.models import Model
 from fracid.problem import Experiment, Free, Problem
 from fracid.quantiles import normal_interval
 from fracid.recording import Recording
 from fracid.recording.channel import si_unit
-from fracid.regression.credibility import belief
+from fracid.regression.credibility import SAYS, belief
 from fracid.regression.estimators import (
     Dependent,
     Estimator,
@@ -45,8 +44,6 @@ from fracid.regression.rows import (
     terms_of,
 )
 from fracid.safety.schema import UNREAD, Beside, Block, Listed, Number, OpenInterval, Record, Unknown, computed
-
-SAYS = Words("regression/linear.toml")
 
 CUTOFF = (6.0, 9.0)
 """Bounds of the low-pass' cut-off, in swing frequencies: below, products of the motion are lost."""

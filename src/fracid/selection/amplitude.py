@@ -174,8 +174,7 @@ class AmplitudeTest(CardDisplay, Record):
     notes: Listed[str] = ()
     """What could not be tested."""
 
-    @computed_field(alias="friction_in_disguise")  # type: ignore[prop-decorator]
-    @property
+    @computed_field(alias="friction_in_disguise")
     def disguised(self) -> bool:
         """Whether any order drifts."""
         return any(d.drifts for d in self.drifts)
@@ -251,21 +250,18 @@ def amplitude_test(
     others = [*map(as_samples, others)]
     fits = [(problem, x, e) for e in problem.experiments] + [_found_again(problem, x, e, jobs) for e in others]
     errors = _standard_errors(problem, x, jobs)
-    window_fits, notes = list[Window](), list[str]()
+    found = list[Window | Failure]()
     for fitted, at, e in fits:
         spans = _spans(e, windows)
         if isinstance(spans, Failure):
-            notes.append(str(spans))
+            found.append(spans)
             continue
-        for span in [*spans, *([(0, len(e.measured))] * (len(fits) > 1))]:
-            if np.mean(np.any(e.scored[slice(*span)], axis=1)) < LEAST_SCORED:
-                continue
-            window = _window(fitted, at, e, span, fit_errors=errors, jobs=jobs)
-            if isinstance(window, Failure):
-                notes.append(str(window))
-            else:
-                window_fits.append(window)
-    return AmplitudeTest(tuple(window_fits), tuple(_drifts(window_fits)), tuple(notes))
+        spans += [(0, len(e.measured))] * (len(fits) > 1)
+        told = [span for span in spans if np.mean(np.any(e.scored[slice(*span)], axis=1)) >= LEAST_SCORED]
+        found += [_window(fitted, at, e, span, fit_errors=errors, jobs=jobs) for span in told]
+    window_fits = tuple(window for window in found if isinstance(window, Window))
+    notes = tuple(str(why) for why in found if isinstance(why, Failure))
+    return AmplitudeTest(window_fits, tuple(_drifts(window_fits)), notes)
 
 
 # --- windows -----------------------------------------------------------------------------------------------

@@ -48,7 +48,7 @@ from fracid.estimation.long_records import is_coarse, to_compare
 from fracid.estimation.records import RecordingFit
 from fracid.estimation.search import search
 from fracid.estimation.windows import PARTS, chosen_window, windowed
-from fracid.findings import Words, with_code
+from fracid.findings import with_code
 from fracid.models.friction import SPRINGPOT
 from fracid.optimise import OPTIMISERS, Entry, Evaluation
 from fracid.problem import Experiment, Problem
@@ -75,7 +75,7 @@ from fracid.selection.comparison_verdict import ORDERS_HELP, integer_does_as_wel
 from fracid.selection.integer_alternatives import LEAST, TIMES, integer_alternatives
 from fracid.selection.integer_rival import Alternative
 from fracid.selection.ladder import PAPER, Ladder, Structure, assignment, ladder, name_of
-from fracid.selection.opened_bounds import OpenedBound, open_bounds, opened_bounds, reopened
+from fracid.selection.opened_bounds import SAYS, OpenedBound, open_bounds, opened_bounds, reopened
 from fracid.selection.residual_noise import leftovers
 from fracid.selection.step import HIGHER, quiet_substeps
 from fracid.signals.correlation import effective_samples
@@ -84,8 +84,6 @@ from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import Execution, Part
 from fracid.units import half_of
-
-SAYS = Words("selection/comparison.toml")
 
 SAME = 1e-3
 """A cost that is higher by less than this part is as low."""

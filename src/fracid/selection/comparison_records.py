@@ -188,8 +188,7 @@ class Comparison(CardDisplay, Record):
         """The best row with orders free, or with orders 1: on held-out recordings, by BIC where there are none."""
         return best_of([row for row in self.rows if row.fractional == fractional])
 
-    @computed_field(alias="best")  # type: ignore[prop-decorator]
-    @property
+    @computed_field(alias="best")
     def names_of_best(self) -> dict[str, str]:
         """The name of the best row of either kind."""
         return {"integer": self.best(fractional=False).name, "fractional": self.best(fractional=True).name}

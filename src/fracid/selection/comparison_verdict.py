@@ -25,12 +25,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
-from fracid.findings import Note, Words
+from fracid.findings import Note
 from fracid.selection.bic import STRONG, does_as_well
 from fracid.selection.comparison_records import Comparison, Row, held_out_errors
+from fracid.selection.opened_bounds import SAYS
 from fracid.units import half_of, letter, with_half_width
-
-SAYS = Words("selection/comparison_verdict.toml")
 
 ORDERS_HELP = ("orders-help", "orders-help-some")
 """Codes of verdicts that speak for orders."""

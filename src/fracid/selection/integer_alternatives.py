@@ -319,15 +319,12 @@ def fitted_with(element: Element, here: Rival, goal: float, *, watch: Watch | No
     kinds = [n for n in element.off if n in problem.model.friction] if element.slow else []
     values = {**shared_values(here.problem, here.evaluation.point), **here.values}
     starts = [embedded(problem, values | entry) for entry in entries(problem, kinds)]
-    if not problem.names:
-        end = problem.evaluate(problem.start)
-    else:
-        ends = [lowest_from(problem, x, watch, **ROUGH) for x in starts]
-        if element.off:  # it holds that model
-            ends.append(problem.evaluate(embedded(problem, values | element.off)))
-        end = min(ends, key=lambda e: e.cost)
-        if end.cost < FAR * goal or end.cost < NEARER * here.evaluation.cost:
-            end = lowest_from(problem, end.point, watch, **FINE)
+    ends = [lowest_from(problem, x, watch, **ROUGH) for x in starts]
+    if element.off:  # it holds that model
+        ends.append(problem.evaluate(embedded(problem, values | element.off)))
+    end = min(ends, key=lambda e: e.cost)
+    if end.cost < FAR * goal or end.cost < NEARER * here.evaluation.cost:
+        end = lowest_from(problem, end.point, watch, **FINE)
     if end.residuals is None:
         return None
     return Rival(problem, end, here.integers, here.off, own=(*here.own, *element.off),

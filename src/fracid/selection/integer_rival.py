@@ -265,10 +265,7 @@ def integer_rival(problem: Problem, best: Evaluation, widths: ByName, *, watch: 
                         orders=integer_values(whole),
                         per_recording=tuple(n for n in whole.per_recording if n not in fixed))  # fmt: skip
         as_found = embedded(rival, problem.named(best.point))
-        if rival.names:
-            integer = uninterrupted(growing(rival, rival.start, watch or Watch(), also=(as_found,))).best
-        else:
-            integer = rival.evaluate(rival.start)
+        integer = uninterrupted(growing(rival, rival.start, watch or Watch(), also=(as_found,))).best
         in_words = "; ".join([f"{n} = {end:.0f}" for n in fixed] or [_in_words(problem)])
         rivals.append(Rival(rival, integer, in_words, off, own=tuple(ranges)))
     nearest = min(rivals, key=lambda r: r.evaluation.cost)
@@ -310,8 +307,7 @@ def claimable(problem: Problem) -> tuple[int, ...]:
     (0,)
     """
     kinds = problem.model.friction
-    own = [n for n in springpots(problem) if kinds[n].off > 0.0]
-    own += complements(problem)
+    own = {*complements(problem), *(n for n in springpots(problem) if kinds[n].off > 0.0)}
     return tuple(i for i, u in enumerate(problem.unknowns) if i in problem.order_indices or u.target in own)
 
 

@@ -48,6 +48,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -155,17 +156,9 @@ class Ladder:
 
     def solved_with(self, substeps: int) -> Ladder:
         """The same at other steps a sample; made anew there, what an unknown hardly does might leave it out, or not."""
-
-        def at(problem: Problem) -> Problem:
-            return replace(problem, substeps=substeps)
-
+        at = partial(replace, substeps=substeps)
         structures = tuple(replace(s, problem=at(s.problem), whole=at(s.whole)) for s in self.structures)
         return replace(self, structures=structures, given=at(self.given))
-
-    @property
-    def frictions(self) -> tuple[str, ...]:
-        """The rungs."""
-        return tuple(dict.fromkeys(s.friction for s in self.structures))
 
 
 def name_of(friction: str, fractional: bool) -> str:
@@ -214,8 +207,8 @@ def ladder(
     >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
     >>> problem = Problem(rig, (swing,), {"lambda": 1.0, "mu": Free(1.0, 0.5, 1.2)}, initial_state="held")
     >>> found = ladder(problem, rungs=["viscous", "Coulomb", "presliding"])
-    >>> found.frictions
-    ('viscous', 'viscous + Coulomb', 'viscous + Coulomb + presliding')
+    >>> [s.friction for s in found.structures if s.fractional]
+    ['viscous', 'viscous + Coulomb', 'viscous + Coulomb + presliding']
     >>> found["viscous + Coulomb, orders free"].problem.names
     ('mu', 'b_theta', 'b_alpha', 'coulomb_theta', 'coulomb_alpha')
     """
@@ -368,8 +361,7 @@ def assignment(problem: Problem, x: FloatArray) -> dict[str, float]:
     (1.0, 0.9, 0.2, 0.0003)
     """
     own = {p.name: p.value for p in problem.model.parameters}
-    found = problem.named(x)
-    return {**own, **problem.parameter_starts, **problem.order_starts, **found}
+    return {**own, **problem.parameter_starts, **problem.order_starts, **problem.named(x)}
 
 
 def _require_both(structures: tuple[Structure, ...], problem: Problem) -> None:

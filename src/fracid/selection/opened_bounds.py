@@ -25,7 +25,7 @@ from fracid.safety.schema import Record
 from fracid.selection.bic import STRONG, schwarz
 from fracid.signals.correlation import effective_samples
 
-SAYS = Words("selection/opened_bounds.toml")
+SAYS = Words("selection/comparison.toml")
 
 ROUNDS = 3
 """Times that bounds are opened tenfold."""

@@ -23,7 +23,7 @@ from scipy.linalg import solve_banded, solve_toeplitz  # scipy.signal takes a se
 from scipy.special import fdtrc
 
 from fracid.arrays import FloatArray
-from fracid.signals.correlation import correlation_time, products_by_lag
+from fracid.signals.correlation import autocorrelation, correlation_time, products_by_lag
 
 ORDERS = 4
 """Of the autoregression, at most."""
@@ -76,8 +76,7 @@ def is_coloured_noise(e: FloatArray, motion: FloatArray, unknowns: Callable[[], 
     n = len(e)
     if n < SHORT:
         return False
-    covariance = products_by_lag(e)[: n // 4 + 1]
-    if n < MANY * correlation_time(covariance / covariance[0]):
+    if n < MANY * correlation_time(autocorrelation(e)):
         return False
     whitening, white = whitening_filter(e)
     if not white:

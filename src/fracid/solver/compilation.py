@@ -215,9 +215,8 @@ def sources() -> str:
     64
     """
     package, digest = Path(__file__).parents[1], hashlib.sha256()
-    for pattern in SOURCES:
-        for path in sorted(package.glob(pattern)):
-            digest.update(hashlib.sha256(bytes_of(path)).digest())
+    for path in sorted(path for pattern in SOURCES for path in package.glob(pattern)):
+        digest.update(hashlib.sha256(bytes_of(path)).digest())
     return digest.hexdigest()
 
 

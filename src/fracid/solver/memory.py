@@ -50,11 +50,9 @@ from functools import partial
 import numpy as np
 
 from fracid.errors import InputError
-from fracid.findings import Words
 from fracid.solver.exponentials import EXACT_LAGS, WHOLE, compressed_kernel
+from fracid.solver.trajectory import SAYS
 from fracid.solver.weights import Kernel, exact_kernel
-
-SAYS = Words("solver/memory.toml")
 
 WRITTEN = re.compile(r"full|short\((\d+)\)|compressed(?:\((\d+(?:\.\d+)?(?:e-?\d+)?)(?:, lags=(\d+))?\))?")
 """The names of memories, as they are printed and typed."""

@@ -62,12 +62,9 @@ from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.findings import Words
 from fracid.solver.right_hand_side import RightHandSide
 from fracid.solver.solve import solve_fde
-from fracid.solver.trajectory import Trajectory, vector
-
-SAYS = Words("solver/reduction.toml")
+from fracid.solver.trajectory import SAYS, Trajectory, vector
 
 SAME = 1e-9
 """Orders nearer to each other, or to a whole number, are the same: 0.1 + 0.2 is 0.3."""
@@ -433,5 +430,5 @@ def _initial(initial: ArrayLike, a_m: float) -> FloatArray:
     y0, count = vector("initial", initial), math.ceil(a_m)
     if y0.shape != (count,):
         names = ", ".join(["y(0)", "y'(0)", "y''(0)", *(f"y^({k})(0)" for k in range(3, count))][:count])
-        raise InputError(SAYS("initial-shape", y0=y0, a_m=a_m, count=count, s="s" * (count > 1), names=names))
+        raise InputError(SAYS("initial-derivatives", y0=y0, a_m=a_m, count=count, s="s" * (count > 1), names=names))
     return y0

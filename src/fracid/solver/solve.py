@@ -26,7 +26,6 @@ from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, at_least, refuse_unknown
-from fracid.findings import Words
 from fracid.solver.arguments import (
     Equation,
     InitialCondition,
@@ -50,13 +49,11 @@ from fracid.solver.memory import Memory, memory_from_name
 from fracid.solver.methods import METHODS, Method
 from fracid.solver.right_hand_side import RightHandSide, compile_rhs, name_of, probe
 from fracid.solver.stiffness import fault_of, grows_by_itself, step_gain
-from fracid.solver.trajectory import Outcome, Trajectory, vector
+from fracid.solver.trajectory import SAYS, Outcome, Trajectory, vector
 from fracid.solver.weights import Kernel, relaxing_kernel
 
 if TYPE_CHECKING:
     from fracid.models import Model
-
-SAYS = Words("solver/solve.toml")
 
 
 class PaperSchemeWarning(UserWarning):

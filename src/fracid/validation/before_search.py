@@ -54,7 +54,7 @@ from dataclasses import replace
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.findings import Finding, Words
+from fracid.findings import Finding
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.checks import MOST_STEPS
 from fracid.recording import Report
@@ -67,9 +67,7 @@ from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import time_scale
 from fracid.solver.stiffness import STEPS_A_PERIOD, linearised, modes, step_gain, steps_a_period, too_long
 from fracid.validation.misfits import cost_of
-from fracid.validation.reversed_signs import wrong_sign
-
-SAYS = Words("validation/before_search.toml")
+from fracid.validation.reversed_signs import SAYS, wrong_sign
 
 ASKED = 9
 """Samples at which J is asked for."""

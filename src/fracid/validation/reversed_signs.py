@@ -23,7 +23,7 @@ from fracid.problem.costs import COSTS
 from fracid.problem.unknowns import scaled
 from fracid.signals.swing import swing_period, swing_start
 
-SAYS = Words("validation/reversed_signs.toml")
+SAYS = Words("validation/before_search.toml")
 
 SWINGS = 2
 """That are fitted to compare signs."""
