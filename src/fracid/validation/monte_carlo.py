@@ -247,11 +247,20 @@ def noise_study(
     problem: Problem,
     x: FloatArray,
     *,
+    levels: Sequence[float],
+    resolutions: Sequence[float] = (0.0,),
+    seeds: int = 50,
+    seed: int = 1,
+    optimiser: str = "multistart",
+    starts: int = 1,
+    cost: str | None = None,
+    options: Mapping[str, Any] | None = None,
+    relative: bool = False,
+    rival: bool = False,
     executor: str = "threads",
     jobs: int = 1,
     journal: Journal | None = None,
     progress: Callable[[Progress], None] | None = None,
-    **plan: Any,
 ) -> NoiseStudy:
     """Identify a known truth again and again, at every level of noise with every resolution.
 
@@ -261,11 +270,6 @@ def noise_study(
         What is free, the recordings' lengths, inputs and starts; what they measured is replaced by the truth.
     x : array, shape (n_unknowns,)
         The truth.
-    executor, jobs, journal, progress
-        As for :func:`fracid.tasks.tasks.run_tasks`; each repetition runs on one thread.  The result is the same for
-        any.
-    **plan
-        What follows here, as of :func:`planned`.
     levels : sequence of float
         Standard deviations of the noise, in the outputs' unit [rad]; 0 for none.
     resolutions : sequence of float
@@ -283,6 +287,9 @@ def noise_study(
     rival : bool
         Whether each repetition also asks if its orders would be called fractional: off its integer value, and better
         than the integer-order alternative.  That takes up to twice as long.
+    executor, jobs, journal, progress
+        As for :func:`fracid.tasks.tasks.run_tasks`; each repetition runs on one thread.  The result is the same for
+        any.
 
     Returns
     -------
@@ -309,7 +316,11 @@ def noise_study(
     >>> abs(mu.bias) < 1e-4, mu.held >= 6
     (True, True)
     """
-    return planned(problem, x, **plan).run(Execution(executor, jobs, journal, progress))
+    plan = planned(
+        problem, x, levels=levels, resolutions=resolutions, seeds=seeds, seed=seed, optimiser=optimiser, starts=starts,
+        cost=cost, options=options, relative=relative, rival=rival,
+    )  # fmt: skip
+    return plan.run(Execution(executor, jobs, journal, progress))
 
 
 @dataclass(frozen=True)
