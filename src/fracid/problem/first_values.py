@@ -1,9 +1,10 @@
 r"""Where the search for a model's constants begins: its equations, held against the recording's own derivatives.
 
-At orders 1 (a springpot's at its model's own) the equations of a model say of every sample
+At orders q (a springpot's at its model's own) the equations of a model say of every sample
 
-.. math::  \dot x_i = f_i(x, u, p), \qquad y = h(x, u, p).
+.. math::  D^q x_i = f_i(x, u, p), \qquad y = h(x, u, p).
 
+With q = 1; where that leaves much, with a lower one too: at order 1 a swing of order 0.7 has a hundred times its mass.
 States that are measured, and the rates of those, come from the recording, smoothed; those that nobody measures are
 simulated between them.  The constants p are those of least squares, from where the library's rig has them in the size
 of the recording's, which may be any; nothing is compiled, and a recording takes a second or two.  Optional terms, those
@@ -17,6 +18,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
+from operator import attrgetter
 
 import numpy as np
 
@@ -56,6 +58,12 @@ DECADES = 8
 
 STEEP = 1e3
 """Times a cost: a size that has so much is not near a better one."""
+
+MUCH = 0.1
+"""Of the scatter, with which the equations are tried at the order"""
+
+LOW = 0.8
+"""too, in the middle of what rigs have."""
 
 EVALUATIONS = 40
 """Of a least-squares search."""
@@ -107,8 +115,17 @@ def first_values(
     >>> {n: float(f"{v:.1g}") for n, v in found.values.items()}, found.explained > 0.99
     ({'k': 50.0, 'b_displacement': 2.0}, True)
     """
-    equations = _Equations(model, step, signals, dict(starts or {}))
-    library = {p.name: p.value for p in model.parameters}
+
+    def at(order: float) -> FirstValues:
+        return _found(_Equations(model, step, signals, dict(starts or {}), order), free, optional)
+
+    found = at(1.0)
+    return found if found.explained > 1 - MUCH else max(found, at(LOW), key=attrgetter("explained"))
+
+
+def _found(equations: _Equations, free: Sequence[str], optional: Sequence[str]) -> FirstValues:
+    """The constants at the order of the equations."""
+    library = {p.name: p.value for p in equations.model.parameters}
     alone = equations.reach(library, optional)
     sizes = [_in_size(equations, first, free) for first in (library, _in_size(equations, library, free, "alike"))]
     felt = [n for first in (library, *sizes) for n in equations.reach(first, free)]
@@ -185,15 +202,26 @@ def _is_lower(cost: float, other: float) -> bool:
 class _Equations:
     """The residuals of the equations at some samples of a recording."""
 
-    def __init__(self, model: Model, step: float, signals: Signals, starts: Mapping[str, float]) -> None:
+    def __init__(
+        self, model: Model, step: float, signals: Signals, starts: Mapping[str, float], order: float
+    ) -> None:  # fmt: skip
         from scipy.ndimage import gaussian_filter1d
+        from scipy.signal import fftconvolve
 
         self.model = model
+        named = {n: order for n in model.order_names} | dict.fromkeys(model.springpot_orders.values(), 0.5)
+        self.orders = [0.5 if isinstance(o, Complement) else 1.0 for o in model.orders] if not named else (
+            model.state_orders(named).tolist())  # fmt: skip
         measured = {n: i for n, i in model.output_states.items() if n in signals}
         width = smoothing(np.column_stack([signals[n] for n in measured or model.outputs if n in signals]), step)
 
         def smooth(x: FloatArray, order: int = 0) -> FloatArray:
             return np.asarray(gaussian_filter1d(x, width, order=order, mode="nearest")) / step**order
+
+        def slope(x: FloatArray, *states: int) -> FloatArray:
+            """The derivatives of these states' orders, one after the other."""
+            rate, r = smooth(x, len(states)), sum(1 - self.orders[i] for i in states)
+            return rate if r == 0 else fftconvolve(rate, gl_weights(-r, len(x)))[: len(x)] * step**r
 
         n = len(next(iter(signals.values())))
         x, self.slopes, known = np.zeros((n, len(model.states))), dict[int, FloatArray](), set[int]()
@@ -201,9 +229,9 @@ class _Equations:
             x[:, i], rate = smooth(signals[name]), model.rates.get(i)
             known.add(i)
             if rate is None:
-                self.slopes[i] = smooth(signals[name], 1)
+                self.slopes[i] = slope(signals[name], i)
             else:
-                x[:, rate], self.slopes[rate] = smooth(signals[name], 1), smooth(signals[name], 2)
+                x[:, rate], self.slopes[rate] = slope(signals[name], i), slope(signals[name], i, rate)
                 known.add(rate)
         u = np.zeros((n, max(1, len(model.inputs))))
         raw = not measured  # outputs are compared as they were recorded
@@ -223,9 +251,6 @@ class _Equations:
         self.outputs = {} if measured else {h: signals[name][self.at] for name, h in model.outputs.items()
                                             if name in signals and not isinstance(h, int)}  # fmt: skip
         self.start = {model.states.index(s): v for s, v in starts.items() if s in model.states}
-        named = {n: 1.0 for n in model.order_names} | dict.fromkeys(model.springpot_orders.values(), 0.5)
-        self.orders = [0.5 if isinstance(o, Complement) else 1.0 for o in model.orders] if not named else (
-            model.state_orders(named).tolist())  # fmt: skip
 
     def residuals(self, values: Mapping[str, float]) -> FloatArray:
         """In parts of the scatter of what each equation is to explain."""
