@@ -53,6 +53,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property
+from itertools import chain
 from typing import Any, TypeVar
 
 import numpy as np
@@ -791,8 +792,7 @@ def _check_shapes(model: Model) -> None:
             _check_output(model, output, index)
         elif not isinstance(index, int) or not 0 <= index < len(model.states):
             raise InputError(SAYS("output-index", model=model, output=output, index=index, last=len(model.states) - 1))
-    for name, of in model.input_rates.items():
-        refuse_unknown(f"input in input_rates of {model.name}", model.inputs, name, of)
+    refuse_unknown(f"input in input_rates of {model.name}", model.inputs, *chain(*model.input_rates.items()))
     for name, value in model.integer_orders.items():
         refuse_unknown(f"order in integer_orders of {model.name}", model.order_names, name)
         if value is not None and (not is_number(value) or value not in (0, 1)):
