@@ -616,7 +616,11 @@ class Model(CardDisplay):
         """
         values = {self.order_called(name): order for name, order in orders.items()}
         for name, order in values.items():
-            _check_order(self, name, order)
+            refuse_unknown(f"{self.name} order", self.order_names, name)
+            if not is_number(order) or not 0.0 < order < 2.0:
+                raise InputError(f"order {name} = {order!r}: expected a number between 0 and 2, both excluded")
+            if name in self.springpot_orders.values() and order > 1.0:
+                raise InputError(f"order {name} = {order!r}: a springpot's lies between 0, a spring, and 1, a dashpot")
         if missing := [name for name in self.order_names if name not in values]:
             example = ", ".join(f"{name!r}: 1.0" for name in self.order_names)
             raise InputError(f"the order {missing[0]!r} of the {self.name} model is missing: give {{{example}}}")
@@ -740,14 +744,6 @@ def computed(f: Callable[..., None], x: FloatArray, u: FloatArray, p: FloatArray
         f(0.0, x, u, p, out)
         return np.where(np.isfinite(out).all(), out, np.nan)
     return np.full(count, np.nan)
-
-
-def _check_order(model: Model, name: str, order: float) -> None:
-    refuse_unknown(f"{model.name} order", model.order_names, name)
-    if not is_number(order) or not 0.0 < order < 2.0:
-        raise InputError(f"order {name} = {order!r}: expected a number between 0 and 2, both excluded")
-    if name in model.springpot_orders.values() and order > 1.0:
-        raise InputError(f"order {name} = {order!r}: a springpot's lies between 0, a spring, and 1, a dashpot")
 
 
 def _check_names(model: Model) -> None:
