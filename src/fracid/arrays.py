@@ -183,9 +183,7 @@ def extremes(signals: list[FloatArray], points: int) -> NDArray[np.intp]:
         padded = np.append(y, np.full(-n % size, np.nan)).reshape(-1, size)
         mask = np.isfinite(padded)
         at = size * np.arange(len(padded))
-        lowest = np.where(mask, padded, math.inf).argmin(axis=1)
-        highest = np.where(mask, padded, -math.inf).argmax(axis=1)
-        parts += [at + lowest, at + highest]
+        parts += [at + np.where(mask, sign * padded, math.inf).argmin(axis=1) for sign in (1, -1)]
     indices = np.unique(np.concatenate(parts))
     return indices[indices < n]
 

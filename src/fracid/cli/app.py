@@ -24,7 +24,7 @@ import os
 import sys
 import tomllib
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from contextlib import chdir
+from contextlib import chdir, suppress
 from functools import wraps
 from inspect import Parameter, Signature, signature
 from math import inf, isfinite
@@ -87,8 +87,10 @@ class How(SimpleNamespace):
     def taken(self, work: Callable[..., Any], **more: Any) -> dict[str, Any]:
         """Those that a function of the library takes, `more` in the place of what was typed."""
         options = vars(self)
-        place = one_place(options.get("executor"), options.get("scheduler"))
-        every = options | {"executor": place, "command": sys.argv[1:]} | more
+        executor, scheduler = options.get("executor"), options.get("scheduler")
+        if executor is not None and scheduler is not None:
+            raise InputError(f"--executor {executor} and --scheduler {scheduler} are two places; give one of the two.")
+        every = options | {"executor": scheduler or executor, "command": sys.argv[1:]} | more
         return {name: every[name] for name in signature(work).parameters if name in every}
 
     def done(self, work: Callable[..., Found], *what: Any, **options: Any) -> Found:
@@ -189,7 +191,9 @@ def main(arguments: list[str] | None = None) -> None:
             app(args=arguments, prog_name="fracid")
     except FracidError as error:
         kind = "unfit recording" if isinstance(error, DataError) else "error"
-        _end(f"{kind}: {printable(str(error))}{_with_trust(error, arguments)}", error.exit_code)
+        words = sys.argv[1:] if arguments is None else arguments
+        allowed = f" Type: {typed(*words, trust=True)}" if isinstance(error, NotTrusted) else ""
+        _end(f"{kind}: {printable(f'{error}{allowed}')}", error.exit_code)
     except Exception as error:
         if os.environ.get(TRACEBACK):
             raise
@@ -227,14 +231,6 @@ def _last_resort(error: Exception) -> str:
     machine = f"Python {platform.python_version()}, {platform.system()} {platform.machine()}"
     return printable(SAYS("fault", kind=type(error).__name__, what=what, places=places, version=__version__,
                           machine=machine, traceback=TRACEBACK))  # fmt: skip
-
-
-def _with_trust(error: FracidError, arguments: list[str] | None) -> str:
-    """The command that allows what was refused."""
-    if not isinstance(error, NotTrusted):
-        return ""
-    words = sys.argv[1:] if arguments is None else arguments
-    return printable(f" Type: {typed(*words, trust=True)}")
 
 
 def new_console(**options: Any) -> Any:
@@ -320,31 +316,13 @@ def numbers(option: str, text: str, example: str = "5,150", *, least: float = -i
     >>> numbers("--rate", "200,500")
     (200.0, 500.0)
     """
-    try:
+    values: tuple[float, ...] = ()
+    with suppress(ValueError):
         values = tuple(float(word) for word in text.split(","))
-    except ValueError:
-        values = ()
     if not values or not all(isfinite(v) and v >= least for v in values):
         what = "with commas" if least == -inf else f"from {least:g} on"
         raise InputError(f"{option} {text!r} is not possible; expected numbers {what}: {option} {example}.")
     return values
-
-
-def one_place(executor: str | None, scheduler: str | None) -> str | None:
-    """Where the work is done, by --executor or --scheduler; both would be two places.
-
-    Raises
-    ------
-    InputError
-
-    Examples
-    --------
-    >>> one_place("processes", None)
-    'processes'
-    """
-    if executor is not None and scheduler is not None:
-        raise InputError(f"--executor {executor} and --scheduler {scheduler} are two places; give one of the two.")
-    return scheduler or executor
 
 
 def say(console: Any, text: str, first: str = "") -> None:
@@ -376,11 +354,9 @@ def print_entry(console: Any, heading: str, text: str) -> None:
 
 def print_figures(console: Any, paths: Iterable[Path]) -> None:
     """Print where the figures of a run are, those of one folder in one line."""
-    folders: dict[Path, dict[str, None]] = {}
-    for path in paths:
-        if path.suffix in (".png", ".svg", ".pdf"):
-            folders.setdefault(path.parent, {})[path.stem] = None
-    for folder, stems in folders.items():
+    drawn = [path for path in paths if path.suffix in (".png", ".svg", ".pdf")]
+    for folder in dict.fromkeys(path.parent for path in drawn):
+        stems = dict.fromkeys(path.stem for path in drawn if path.parent == folder)
         print_entry(console, "figures", f"{folder}: {', '.join(stems)}")
 
 
@@ -468,11 +444,9 @@ def open_page(page: Path, choice: bool | None) -> bool:
     shows = sys.platform in ("darwin", "win32") or "DISPLAY" in os.environ or "WAYLAND_DISPLAY" in os.environ
     if choice is None:
         choice = shows and sys.stdout.isatty() and "CI" not in os.environ
-    if not (choice and shows):
-        return False
     import webbrowser
 
-    return webbrowser.open(page.resolve().as_uri())
+    return bool(choice and shows) and webbrowser.open(page.resolve().as_uri())
 
 
 def print_table(console: Any, headings: Sequence[str], rows: Iterable[Sequence[str]], fold: Collection[str]) -> None:

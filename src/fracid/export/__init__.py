@@ -25,6 +25,7 @@ Nothing is written outside of the folder that is given.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -32,7 +33,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from fracid.errors import Failure, InputError, at_least, refuse_unknown, writing
 from fracid.export.compilers import PLATFORMS
-from fracid.safety.door import write_whole
+from fracid.safety.door import write_files
 from fracid.safety.kinds import refuse_other_kinds
 
 if TYPE_CHECKING:
@@ -135,11 +136,11 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
         for name in wanted:
             before = len(files)
             try:
-                for thing in FORMATS[name].write(run, folder, how):
-                    if isinstance(thing, str):
-                        notes.append(thing)
+                for part in FORMATS[name].write(run, folder, how):
+                    if isinstance(part, str):
+                        notes.append(part)
                     else:
-                        files.append(thing if isinstance(thing, Path) else _file(folder, *thing))
+                        files += [part] if isinstance(part, Path) else write_files(folder, dict([part]), nullcontext())
                 if name in PROGRAMS:
                     notes += _of_first(run, files[-1].name)
             except InputError as error:  # what cannot be is no error of the export: there is no such file then
@@ -153,11 +154,6 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
 
 Written = Iterator[Path | tuple[str, str | bytes] | str]
 """Files that are there, names and contents of those to be written, and sentences."""
-
-
-def _file(folder: Path, name: str, content: str | bytes) -> Path:
-    write_whole(folder / name, content)
-    return folder / name
 
 
 def _left_out(run: SavedRun, formats: Iterable[str]) -> Iterator[str]:

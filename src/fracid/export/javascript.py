@@ -6,6 +6,7 @@ runs.  The right-hand side is the model's own, written from its source.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 from fracid.arrays import FloatArray, by_name
@@ -131,7 +132,6 @@ def outputs_of(model: Model) -> tuple[str, list[str]]:
     >>> outputs_of(fracid.model("capacitor"))[1]
     ['voltage']
     """
-    try:
+    with suppress(InputError):
         return written_outputs(model, "javascript"), [*model.shown]
-    except InputError:
-        return "const modelOutputs = () => () => {};", []
+    return "const modelOutputs = () => () => {};", []

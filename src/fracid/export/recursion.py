@@ -147,11 +147,6 @@ class Recursion:
         return tuple(n + relaxing.index(i) if i in relaxing else 0 for i in range(n))
 
     @property
-    def lags(self) -> int:
-        """L."""
-        return self.kernels[0].lags
-
-    @property
     def modes(self) -> int:
         """Exponentials of the row that has most."""
         return max(1, *(len(k.decay) for k in self.kernels))
@@ -190,7 +185,7 @@ class Recursion:
         >>> swing = fracid.Experiment("twin", 2e-3, np.zeros((500, 2)), np.zeros((1, 1)))
         >>> rig = fracid.rotary_pendulum("srv02-rotpen")
         >>> tables = Recursion.of(fracid.Problem(rig, (swing,), {"lambda": 0.9, "mu": 0.95}), np.zeros(4))
-        >>> tables.row, tables.lags, tables.together
+        >>> tables.row, tables.kernels[0].lags, tables.together
         ((0, 0, 1, 1), 8, 1)
         """
         own, first = problem.own_parameters, problem.experiments[0]

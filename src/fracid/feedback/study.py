@@ -230,9 +230,9 @@ class ClosedLoop:
 def delay_of(problem: Problem, x: FloatArray, channel: str) -> float:
     """What actuator and sensors of the first recording are late [s]."""
     e = problem.experiments[0]
-    of = problem.readings
-    late = [r.delay for r in of(x, e, e.sensors).values()]
-    return max(0.0, max(late, default=0.0) + sum(r.delay for n, r in of(x, e, e.actuators).items() if n == channel))
+    of = partial(problem.readings, problem.unpack(x, e).parameters)
+    late = [r.delay for r in of(e.sensors).values()]
+    return max(0.0, max(late, default=0.0) + sum(r.delay for n, r in of(e.actuators).items() if n == channel))
 
 
 def conditions_of(

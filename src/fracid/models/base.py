@@ -53,6 +53,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property
+from itertools import chain
 from typing import Any, TypeVar
 
 import numpy as np
@@ -615,7 +616,11 @@ class Model(CardDisplay):
         """
         values = {self.order_called(name): order for name, order in orders.items()}
         for name, order in values.items():
-            _check_order(self, name, order)
+            refuse_unknown(f"{self.name} order", self.order_names, name)
+            if not is_number(order) or not 0.0 < order < 2.0:
+                raise InputError(f"order {name} = {order!r}: expected a number between 0 and 2, both excluded")
+            if name in self.springpot_orders.values() and order > 1.0:
+                raise InputError(f"order {name} = {order!r}: a springpot's lies between 0, a spring, and 1, a dashpot")
         if missing := [name for name in self.order_names if name not in values]:
             example = ", ".join(f"{name!r}: 1.0" for name in self.order_names)
             raise InputError(f"the order {missing[0]!r} of the {self.name} model is missing: give {{{example}}}")
@@ -741,14 +746,6 @@ def computed(f: Callable[..., None], x: FloatArray, u: FloatArray, p: FloatArray
     return np.full(count, np.nan)
 
 
-def _check_order(model: Model, name: str, order: float) -> None:
-    refuse_unknown(f"{model.name} order", model.order_names, name)
-    if not is_number(order) or not 0.0 < order < 2.0:
-        raise InputError(f"order {name} = {order!r}: expected a number between 0 and 2, both excluded")
-    if name in model.springpot_orders.values() and order > 1.0:
-        raise InputError(f"order {name} = {order!r}: a springpot's lies between 0, a spring, and 1, a dashpot")
-
-
 def _check_names(model: Model) -> None:
     """Distinct names, a known zero."""
     for what in ("states", "inputs", "parameter_names"):
@@ -791,8 +788,7 @@ def _check_shapes(model: Model) -> None:
             _check_output(model, output, index)
         elif not isinstance(index, int) or not 0 <= index < len(model.states):
             raise InputError(SAYS("output-index", model=model, output=output, index=index, last=len(model.states) - 1))
-    for name, of in model.input_rates.items():
-        refuse_unknown(f"input in input_rates of {model.name}", model.inputs, name, of)
+    refuse_unknown(f"input in input_rates of {model.name}", model.inputs, *chain(*model.input_rates.items()))
     for name, value in model.integer_orders.items():
         refuse_unknown(f"order in integer_orders of {model.name}", model.order_names, name)
         if value is not None and (not is_number(value) or value not in (0, 1)):

@@ -214,14 +214,13 @@ def _bring_to(style: Style, figure: Figure) -> None:
     for part in _parts(figure):
         if isinstance(part, Text):
             part.set_fontsize(text_size(style, float(part.get_fontsize())))
-        elif isinstance(part, Line2D):
-            part.set_linewidth(_thin(style, part.get_linewidth()))
-            part.set_markersize(style.marks * part.get_markersize())
-            part.set_markeredgewidth(_thin(style, part.get_markeredgewidth()))
-        elif isinstance(part, Patch):
-            part.set_linewidth(_thin(style, part.get_linewidth()))
         elif isinstance(part, Collection):
             part.set_linewidth([_thin(style, width) for width in np.atleast_1d(part.get_linewidth())])
+        elif isinstance(part, Line2D | Patch):
+            part.set_linewidth(_thin(style, part.get_linewidth()))
+        if isinstance(part, Line2D):
+            part.set_markersize(style.marks * part.get_markersize())
+            part.set_markeredgewidth(_thin(style, part.get_markeredgewidth()))
 
 
 def text_size(style: Style, size: float) -> float:

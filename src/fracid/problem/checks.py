@@ -174,8 +174,7 @@ def _check_sensors(p: Parametrisation, e: Experiment) -> None:
             for delay in sensor.range("delay"):
                 if abs(delay) >= e.time[-1]:
                     raise InputError(SAYS("late-delay", e=e, name=name, delay=delay, end=e.time[-1]))
-    for name in e.between:
-        refuse_unknown(f"input of {e.name} with between", p.model.inputs, name)
+    refuse_unknown(f"input of {e.name} with between", p.model.inputs, *e.between)
     if e.samples < 3:
         raise InputError(SAYS("few-scored", e=e, samples=len(e.measured)))
     free = {name for s in (e.sensors, e.actuators) for c, sensor in s.items() for name in sensor.free(c)}

@@ -40,7 +40,7 @@ import math
 import os
 import re
 import shlex
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
@@ -317,10 +317,10 @@ def draft_project(
 
     refuse_other_clock(read(), source, ("alpha", "theta"))
     for complete in (_units, _wraps):
-        notes += complete(read(), column_specs)
+        notes = (*notes, *complete(read(), column_specs))
     part, why = _window(read())
     notes += why
-    notes += _zeros(read(), column_specs)
+    notes = (*notes, *_zeros(read(), column_specs))
     taken, why = let_go_again(read(), rotary_pendulum(rig_name))
     part, notes = part | ({"stop": taken} if taken else {}), notes + why
     recording = read()
@@ -351,31 +351,27 @@ def refuse_other_clock(recording: Recording, source: Source, angles: Collection[
 # --- what the columns are ----------------------------------------------------------------------------
 
 
-def _units(recording: Recording, columns: Columns) -> tuple[str, ...]:
+def _units(recording: Recording, columns: Columns) -> Iterator[str]:
     """Units of the columns that say none."""
-    guesses = guessed_units(recording, named=True)
-    for name, (fields, _) in guesses.items():
+    for name, (fields, why) in guessed_units(recording, named=True).items():
         columns[name] |= fields
-    return tuple(f"{name} is taken to be {why}." for name, (_, why) in guesses.items())
+        yield f"{name} is taken to be {why}."
 
 
-def _wraps(recording: Recording, columns: Columns) -> tuple[str, ...]:
+def _wraps(recording: Recording, columns: Columns) -> Iterator[str]:
     """Angles whose count was wrapped are unwrapped."""
-    wrapped = [n for n in ("alpha", "theta") if n in columns and wraps(recording.signals[n]).any()]
-    for name in wrapped:
+    for name in (n for n in ("alpha", "theta") if n in columns and wraps(recording.signals[n]).any()):
         columns[name] |= {"unwrap": True}
-    return tuple(f"{name} jumps by whole turns, where its count was wrapped: unwrap undoes that." for name in wrapped)
+        yield f"{name} jumps by whole turns, where its count was wrapped: unwrap undoes that."
 
 
-def _zeros(recording: Recording, columns: Columns) -> tuple[str, ...]:
+def _zeros(recording: Recording, columns: Columns) -> Iterator[str]:
     """Where the angles are zero, if nothing says it."""
-    notes = []
     for name, zero_of in {"alpha": _zero, "theta": _arm_zero}.items():
         if name in columns and "zero" not in columns[name]:
             zero, why = zero_of(next(s for s in recording.report.signals if s.name == name), recording)
             columns[name] |= zero
-            notes += [why] if why else []
-    return tuple(notes)
+            yield from [why] if why else ()
 
 
 def _zero(s: SignalReport, recording: Recording) -> tuple[dict[str, Any], str]:

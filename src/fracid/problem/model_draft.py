@@ -144,7 +144,7 @@ class _ModelPage:
         self.model: Model = either[0]
         self.notes: list[str] = []
         tables, self.logs = [one.table for one in sources], [one.read() for one in sources]
-        self.beside = [self._beside(table.beside) for table in tables]
+        self.beside = [dict(self._beside(table.beside)) for table in tables]
         self.raws = {c: next(r for r in self.logs if c in r.signals) for raw in self.logs for c in raw.signals}
         self.guessed: Columns = {}
         self.columns = self._columns(columns or {}, tables)
@@ -217,20 +217,18 @@ class _ModelPage:
         """Whether it is held and let go, and nothing drives it."""
         return recording.report.release is not None and not moving_inputs(recording, self.model)
 
-    def _beside(self, values: Mapping[str, Any]) -> dict[str, float]:
+    def _beside(self, values: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
         """The constants that a log says beside its samples: numbers, and what its words mean."""
         rows = self.table.get("beside", {})
         meant = [rows[word].get(values.get(word), {}) for word in rows if word != "constants"]
         said = [pair for part in (values, *meant) for pair in part.items()]
         names = {n: Number(float(v)) for n, v in said if isinstance(v, int | float)}
-        found: dict[str, float] = {}
         for constant, text in rows.get("constants", {}).items():
             p = self.model.parameter(constant)
             with suppress(InputError):  # the log does not have all names of the formula
                 value = formula(text, names)
                 if isinstance(value, Number) and p.lower <= value.value <= p.upper:
-                    found[constant] = value.value
-        return found
+                    yield constant, value.value
 
     def _columns(self, given: Mapping[str, Mapping[str, Any]], tables: Sequence[Table]) -> Columns:
         """What each column is, with its unit; those that are named are believed, and the others guessed."""

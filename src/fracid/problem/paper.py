@@ -124,8 +124,7 @@ def _of_constants(model: Model, rig: str | None, given: Mapping[str, float]) -> 
 
 
 def _of_the_recipe(problem: Problem) -> Iterator[str]:
-    free = {letter(n): v for n, v in problem.orders.items() if isinstance(v, Free)}
-    ranges = [f"{n} in {v.lower:g} … {v.upper:g}" for n, v in free.items()]
+    ranges = [f"{letter(n)} in {v.lower:g} … {v.upper:g}" for n, v in problem.orders.items() if isinstance(v, Free)]
     if ranges:
         yield f"the search is bounded, {', '.join(ranges)} (the paper gives no bounds)"
     if problem.memory.name.startswith("short"):

@@ -195,11 +195,8 @@ class Parametrisation:
                 initial[self.model.states.index(name)] = initial[self.model.states.index(other)]
         return RunValues(orders, parameters, initial, float(release[0]))
 
-    def readings(self, x: FloatArray, e: Experiment, sensors: Mapping[str, Sensor]) -> dict[str, Reading]:
-        """What the channels of one recording do at x, by name."""
-        return self._readings(self.unpack(x, e).parameters, sensors)
-
-    def _readings(self, parameters: FloatArray, sensors: Mapping[str, Sensor]) -> dict[str, Reading]:
+    def readings(self, parameters: FloatArray, sensors: Mapping[str, Sensor]) -> dict[str, Reading]:
+        """What the channels of one recording do with the constants of its run, by name."""
         values = by_name(self.model.parameter_names, parameters)
         return {channel: sensor.reading(channel, values) for channel, sensor in sensors.items()}
 
@@ -281,7 +278,7 @@ class Parametrisation:
 
     # --- the initial state -------------------------------------------------------------------------
 
-    def _initial_unknowns(self, e: Experiment) -> list[Unknown]:
+    def _initial_unknowns(self, e: Experiment) -> Iterator[Unknown]:
         own = {n: v for n, v in e.initial.items() if isinstance(v, Free)}
         guess = self._initial_guess(e, self._model_starts[1]).tolist()
         reach: dict[int, tuple[float, str]] = {}
@@ -305,13 +302,11 @@ class Parametrisation:
             for i, (width, unit) in reach.items() if self.model.states[i] not in e.initial
         }  # fmt: skip
         ranges |= {(i := self.model.states.index(n)): (v, reach.get(i, (0.0, ""))[1]) for n, v in own.items()}
-        unknowns = []
         for i, (around, unit) in sorted(ranges.items(), key=lambda item: item[0]):
             state = self.model.states[i]
             part = state in self.model.relaxing and state not in own
-            unknowns.append(Unknown(f"{state}(0) [{e.name}]", unit, "initial", state, experiment=e.name, range=around,
-                                    complete=part))  # fmt: skip
-        return unknowns
+            yield Unknown(f"{state}(0) [{e.name}]", unit, "initial", state, experiment=e.name, range=around,
+                          complete=part)  # fmt: skip
 
     @cached_property
     def _deflections(self) -> tuple[tuple[int, int], ...]:
@@ -344,7 +339,7 @@ class Parametrisation:
     def _initial_guess(self, e: Experiment, parameters: FloatArray) -> FloatArray:
         """The state at the start as measured: outputs, and the slopes for their rates, or what the past says."""
         x0 = np.zeros(len(self.model.states))
-        readings = self._readings(parameters, e.sensors)
+        readings = self.readings(parameters, e.sensors)
         for name, value, slope in zip(self.outputs, *e.first_values(), strict=True):
             if name not in self.model.output_states:
                 continue

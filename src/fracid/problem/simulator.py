@@ -119,7 +119,7 @@ class Simulator:
         if not run.completed:
             return Failure(FailureReason.RUN, f"{e.name}: {run.outcome.value} at t = {run.time[-1]:.4g} s")
         p, time = self.parametrisation, self._grid(e)[0].time
-        readings = p.readings(x, e, e.sensors) if e.sensors else {}
+        readings = p.readings(p.unpack(x, e).parameters, e.sensors) if e.sensors else {}
         outputs = [
             _read(self._signal(x, e, run, n), time, readings.get(n, Reading()), even=e.times is None) for n in p.outputs
         ]
@@ -139,7 +139,7 @@ class Simulator:
             from scipy.interpolate import CubicSpline
 
             angle, values = values, CubicSpline(run.time, values)(run.time, model.derived[output][1])
-            if radius := self.parametrisation.readings(x, e, e.sensors).get(output, Reading()).radius:
+            if radius := self.parametrisation.readings(p, e.sensors).get(output, Reading()).radius:
                 gravity = -GRAVITY if model.zero == "upright" else GRAVITY
                 values = radius * values + gravity * np.sin(angle)
         return replace(run, states=values[:, None], orders=orders)
@@ -196,16 +196,14 @@ class Simulator:
         if e.name in self._fixed_inputs:
             return self._fixed_inputs[e.name]
         values = self.parametrisation.unpack(x, e)
-        return self._driven(e, values.release, self.parametrisation.readings(x, e, e.actuators))
+        return self._driven(e, values.release, self.parametrisation.readings(values.parameters, e.actuators))
 
     @cached_property
     def _fixed_inputs(self) -> dict[str, Driven]:
         """The inputs of those recordings in which no unknown moves them."""
-        fixed = {}
-        for e in self.parametrisation.experiments:
-            if e.release_time == 0.0 and not any(s.free(n) for n, s in e.actuators.items()):
-                fixed[e.name] = self._driven(e, 0.0, {n: s.reading(n, {}) for n, s in e.actuators.items()})
-        return fixed
+        fixed = [e for e in self.parametrisation.experiments
+                 if e.release_time == 0.0 and not any(s.free(n) for n, s in e.actuators.items())]  # fmt: skip
+        return {e.name: self._driven(e, 0.0, {n: s.reading(n, {}) for n, s in e.actuators.items()}) for e in fixed}
 
     def _driven(self, e: Experiment, release: float, actuators: Mapping[str, Reading]) -> Driven:
         """The inputs as actuators make them of those recorded, a column each, or one row for all."""

@@ -185,11 +185,9 @@ def _moves(x: FloatArray, a: int, step: float) -> bool:
 
 def _lost_noise(name: str, a: int, b: int, angles: Signals, noise: float, moving: bool) -> str:
     """Why a standstill after `a` is none of the rig; "" where it may be one."""
-    others = []  # another angle moves meanwhile, by many steps and beyond its noise
-    for n, x in angles.items():
-        part = x[a:b][np.isfinite(x[a:b])]
-        if n != name and part.size >= LONG and np.ptp(part) > FAR * max(resolution(part) or 0.0, white_noise(part)):
-            others.append(n)
+    parts = {n: x[a:b][np.isfinite(x[a:b])] for n, x in angles.items() if n != name}
+    others = [n for n, x in parts.items()  # another angle moves meanwhile, by many steps and beyond its noise
+              if x.size >= LONG and np.ptp(x) > FAR * max(resolution(x) or 0.0, white_noise(x))]  # fmt: skip
     if not noise or not (moving or others):
         return ""
     also = f"{others[0]} still moves" if others else "it was in mid-motion"

@@ -104,11 +104,10 @@ def guess_columns(recording: Recording, header: Sequence[str] = ()) -> tuple[Col
     >>> found["alpha"], found["theta"]["column"]
     ({'column': 'pend', 'unit': 'counts', 'counts_per_turn': 4096}, 'motor')
     """
-    columns: Columns = {}
-    roles, notes = _roles(recording), []
-    for what, (name, fields, why) in _with_units(recording, roles).items():
-        columns[what] = {"column": place_or_name(name, header)} | fields
-        notes.append(f"{what} is taken from {name!r}, {why}.")
+    roles = _roles(recording)
+    found = _with_units(recording, roles)
+    columns: Columns = {what: {"column": place_or_name(name, header)} | f for what, (name, f, _) in found.items()}
+    notes = [f"{what} is taken from {name!r}, {why}." for what, (name, _, why) in found.items()]
     others = [n for n in _angles(recording) if n not in roles.values()]
     if others and "voltage" not in columns:
         notes.append(f"Not used: {', '.join(map(repr, others))}. The motor's voltage: --column voltage=COLUMN,unit=V.")

@@ -200,8 +200,7 @@ class Recording(CardDisplay):
         if not (counts := counts_at_edges(self.time, self.signals)):
             return self
         time, signals = between_edges(self.time, self.signals, counts)
-        note = Note(SAYS("edges", count=len(self.time), counts=' or '.join(counts), ms=1e3 * (time[1] - time[0])),
-                    "edges")  # fmt: skip
+        note = SAYS("edges", count=len(self.time), counts=" or ".join(counts), ms=1e3 * (time[1] - time[0]))
         new = self._with(time, signals, note)
         known = {n: count for n, count in counts.items() if n in self.assumed}  # its unit is guessed from it
         reports = tuple(replace(s, resolution=known.get(s.name, s.resolution)) for s in new.report.signals)

@@ -191,9 +191,8 @@ def encoder_ticks(limit: float, step: float | None) -> tuple[tuple[float, str], 
     if step is None:
         return ()
     per_step = RESIDUAL_HEIGHT / (2 * limit / step)
-    counts = [n for n in ENCODER_STEPS if n * step <= limit]
     last, up = -6.0, []
-    for n in counts:
+    for n in (n for n in ENCODER_STEPS if n * step <= limit):
         legible = n * per_step - last >= 12.0
         last = n * per_step if legible else last
         up.append((round(n * step, 12), f"+{n}" if legible else ""))

@@ -79,7 +79,7 @@ def open_page_text(table: Mapping[str, Any] | None = None) -> str:
     True
     """
     found = {name: model(name) for name in (ROTARY, *(n for n in MODELS if n != ROTARY))}
-    scripts = [Markup(solver()), *SCRIPTS, Markup(_written(found)), "open.js"]
+    scripts = [Markup(solver()), *SCRIPTS, Markup("\n".join(_written(found))), "open.js"]
     data = {"models": {name: _spec(name, m) for name, m in found.items()}, "units": TABLES, "table": table}
     return rendered("open.html.j2", scripts, more_styles=("open.css",), title="Open a recording", data=in_script(data),
                     explore_reason="", preview=True)  # fmt: skip
@@ -98,9 +98,9 @@ def table_for_page(table: Table, name: str, variable: str | None = None) -> dict
     }  # fmt: skip
 
 
-def _written(models: Mapping[str, Model]) -> str:
+def _written(models: Mapping[str, Model]) -> Iterator[str]:
     """Right-hand sides, outputs that are functions of the state, and scenes: each a function of the constants."""
-    parts = ["const MODELS = {}, OUTPUTS = {}, SCENES = {};"]
+    yield "const MODELS = {}, OUTPUTS = {}, SCENES = {};"
     for name, m in models.items():
         programs = {"MODELS": m.program}
         if any(not isinstance(h, int) for h in m.shown.values()):
@@ -108,8 +108,7 @@ def _written(models: Mapping[str, Model]) -> str:
         if m.scene is not None:
             programs["SCENES"] = m.scene.program
         for where, program in programs.items():
-            parts.append(JavaScript(program).text().replace("const model", f'{where}["{name}"]', 1))
-    return "\n".join(parts)
+            yield JavaScript(program).text().replace("const model", f'{where}["{name}"]', 1)
 
 
 def _spec(name: str, m: Model) -> dict[str, Any]:

@@ -137,10 +137,8 @@ def _fits(percents: list[float]) -> str:
 
 def _errors(material: Material, recordings: Mapping[str, Any]) -> str:
     """``0.22° (θ) and 0.21° (α)``, over recordings the worst."""
-    worst: dict[str, float] = {}
-    for r in recordings.values():
-        for output, value in r["rmse"].items():
-            worst[output] = max(worst.get(output, 0.0), value)
+    outputs = dict.fromkeys(n for r in recordings.values() for n in r["rmse"])
+    worst = {n: max(r["rmse"].get(n, 0.0) for r in recordings.values()) for n in outputs}
     errors = [f"{material.shown(n, v)} ({letter(n)})" for n, v in worst.items()]
     return f"{joined(errors)}{' at worst' if len(recordings) > 1 else ''}"
 

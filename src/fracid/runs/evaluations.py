@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from array import array
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +15,6 @@ EVALUATIONS = "evaluations.jsonl"
 
 def tried(folder: Path, names: tuple[str, str]) -> FloatArray:
     """Two unknowns at all evaluations in the log of a folder, shape (n, 2); a line that is torn is left out."""
-    flat = array("d")
-    for line in lines_of(folder / EVALUATIONS, EvaluationLine):
-        if all(n in line["point"] for n in names):
-            flat.extend(line["point"][n] for n in names)
-    return np.array(flat).reshape(-1, 2)
+    points = (line["point"] for line in lines_of(folder / EVALUATIONS, EvaluationLine))
+    whole = (point for point in points if all(n in point for n in names))
+    return np.fromiter((point[n] for point in whole for n in names), np.float64).reshape(-1, 2)

@@ -32,6 +32,7 @@ from fracid.runs.saved import SavedRun, load_run
 from fracid.safety.schema import Beside, Infinite, Listed, Record, computed, read_if_whole
 from fracid.schemas.run_record import EnvironmentBlock, FitOptions
 from fracid.tasks.job import one_blas_thread
+from fracid.units import half_of
 
 ELSEWHERE = 1e-9
 """How far what was found may be off with other versions or on another machine, of its size."""
@@ -242,7 +243,8 @@ def _pairs(
     """One for each value: None where it is the same."""
     before, after = ({} if v is _MISSING and isinstance(o, dict) else v for v, o in ((before, after), (after, before)))
     if isinstance(before, dict) and isinstance(after, dict):
-        width = _half_width(before)
+        ends = before.get("interval95")
+        width = half_of(ends) if isinstance(ends, list) and len(ends) == 2 and None not in ends else 0.0
         for name in {**before, **after}:
             if path or name not in PASSING:
                 yield from _pairs((*path, name), before.get(name, _MISSING), after.get(name, _MISSING), claimed, width)
@@ -267,11 +269,6 @@ def _claimed(study: Mapping[str, Any]) -> dict[tuple[str, ...], float]:
 
 _MISSING = object()
 """In place of a value that only one of the results has."""
-
-
-def _half_width(estimate: Mapping[str, Any]) -> float:
-    ends = estimate.get("interval95")
-    return (ends[1] - ends[0]) / 2 if isinstance(ends, list) and len(ends) == 2 and None not in ends else 0.0
 
 
 def _sizes(before: Any, after: Any, half: float) -> tuple[float, float]:

@@ -155,8 +155,10 @@ def _pairs(value: Any) -> Iterable[tuple[str | int, Any]]:
     return enumerate(value) if isinstance(value, list) else ()
 
 
-def excess_of(value: Any) -> str:
+def excess_of(value: Any, at: tuple[str | int, ...] = ()) -> str:
     """Where a value of JSON is larger than anything that fracid writes, in words; empty where it is not.
+
+    `at` is where the value itself stands.
 
     Examples
     --------
@@ -165,12 +167,6 @@ def excess_of(value: Any) -> str:
     >>> excess_of({"mu": 0.9})
     ''
     """
-    fault = _excess(value)
-    return "" if fault is None else f"{place(fault[0])} {fault[1]}"
-
-
-def _excess(value: Any) -> tuple[tuple[str | int, ...], str] | None:
-    """The first place and what is wrong there; the places above are put before it on the way back."""
     excess = ""
     if isinstance(value, str):
         excess = f"expected a text of {TEXT} characters at most" if len(value) > TEXT else ""
@@ -179,11 +175,11 @@ def _excess(value: Any) -> tuple[tuple[str | int, ...], str] | None:
     elif isinstance(value, int):
         excess = "" if abs(value) < WHOLE_REACH else "expected a number of fewer digits"
     elif isinstance(value, dict) and any(len(name) > LONGEST_NAME for name in value):
-        return (), f"has a name of more than {LONGEST_NAME} characters"
+        return f"{place(at)} has a name of more than {LONGEST_NAME} characters"
     for key, inner in _pairs(value):
-        if fault := _excess(inner):
-            return (key, *fault[0]), fault[1]
-    return ((), f"is {shown(value)}; {excess}") if excess else None
+        if fault := excess_of(inner, (*at, key)):
+            return fault
+    return f"{place(at)} is {shown(value)}; {excess}" if excess else ""
 
 
 def place(path: tuple[str | int, ...]) -> str:

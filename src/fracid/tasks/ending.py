@@ -111,10 +111,9 @@ def quiet_when_closed() -> Iterator[None]:
 
 def _number(stream: io.TextIOWrapper) -> int | None:
     """Of the file that a stream writes to; None where there is none, and of a console of Windows."""
-    try:
+    with suppress(OSError, ValueError):
         return None if sys.platform == "win32" and stream.isatty() else stream.fileno()
-    except (OSError, ValueError):
-        return None
+    return None
 
 
 def _flush() -> None:

@@ -110,13 +110,10 @@ class Journal(AbstractContextManager["Journal"]):
                 damaged += [number] * (len(damaged) <= TOLD)
             else:
                 self.done.setdefault(line["key"], line.get("value"))
-        notes = []
+        notes = list[str]()
         if self.path.stat().st_size > end:
             self._file.truncate(end)
-            fragment = (
-                f"The last line of {self.path} was cut off in writing and is removed; its repetition is done again."
-            )
-            notes += [fragment] * (end > 0)
+            notes += [SAYS("cut-off", path=self.path)] * (end > 0)
         if damaged:
             numbers = ", ".join(map(str, damaged[:TOLD])) + ", ..." * (len(damaged) > TOLD)
             notes.append(f"{self.path}: damaged lines ({numbers}) are passed over; their repetitions are done again.")

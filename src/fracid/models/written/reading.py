@@ -127,7 +127,7 @@ def read(
     body = without_unused(tuple(statements))
     off = tuple(Assign(Entry("out", Number(n + i)), Number(0.0)) for i in relaxing if not _always(body, n + i))
     kept = {n + i for i in relaxing} | {*range(n)}
-    asked = _without(body, lambda s: isinstance(s.target, Entry) and s.target.index.value not in kept)  # type: ignore[union-attr]
+    asked = tuple(_without(body, lambda s: isinstance(s.target, Entry) and s.target.index.value not in kept))  # type: ignore[union-attr]
     return Program(states, relaxing, unit.read, off + asked)
 
 
@@ -193,24 +193,22 @@ def without_unused(body: tuple[Statement, ...]) -> tuple[Statement, ...]:
         targets = assigned_names(body)
         if not (unused := {n for n in targets if names.count(n) == targets.count(n)}):
             return body
-        body = _without(body, lambda s, unused=unused: isinstance(s.target, Name) and s.target.name in unused)  # type: ignore[misc]
+        body = tuple(_without(body, lambda s, unused=unused: isinstance(s.target, Name) and s.target.name in unused))  # type: ignore[misc]
 
 
-def _without(body: tuple[Statement, ...], gone: Callable[[Assign], bool]) -> tuple[Statement, ...]:
-    kept: list[Statement] = []
+def _without(body: tuple[Statement, ...], gone: Callable[[Assign], bool]) -> Iterator[Statement]:
     for s in body:
         if isinstance(s, If):
-            s = replace(s, body=_without(s.body, gone), orelse=_without(s.orelse, gone))
+            s = replace(s, body=tuple(_without(s.body, gone)), orelse=tuple(_without(s.orelse, gone)))
             if not s.body:
                 s = If(operation("not", s.test), s.orelse, (), s.note)
             if not s.body:
                 continue
         elif isinstance(s, Loop):
-            s = replace(s, body=_without(s.body, gone))
+            s = replace(s, body=tuple(_without(s.body, gone)))
         elif isinstance(s, Assign) and gone(s):
             continue
-        kept.append(s)
-    return tuple(kept)
+        yield s
 
 
 # --- expressions ---------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -171,8 +171,7 @@ def seconds_of_stamp(text: str) -> float | None:
     if half:
         hour = hour % 12 + 12 * (half == "PM")
     moment_text = f"{stamp['day'] or '1970-01-01'}T{hour:02}{stamp['time'] or ':00:00'}{stamp['zone'] or ''}"
-    try:
+    with suppress(ValueError):  # the 31st of February
         moment = datetime.fromisoformat(moment_text.replace("/", "-").replace(",", ".").upper())
-    except ValueError:  # the 31st of February
-        return None
-    return ((moment if moment.tzinfo else moment.replace(tzinfo=UTC)) - EPOCH).total_seconds()
+        return ((moment if moment.tzinfo else moment.replace(tzinfo=UTC)) - EPOCH).total_seconds()
+    return None

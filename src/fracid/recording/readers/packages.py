@@ -190,22 +190,20 @@ def _unread(kind: str) -> str:
 
 def _topics(path: Path, messages: Iterable[tuple[str, int, Any]]) -> Found:
     """Messages, each with its topic and its time [ns], as columns."""
-    logs: dict[str, tuple[list[int], list[Any]]] = {}
+    logs: dict[str, list[tuple[int, Any]]] = {}
     left: Found = {}
     for topic, stamp, message in messages:
         if isinstance(message, LeftOut):
             left[topic] = message
-            continue
-        stamps, samples = logs.setdefault(topic, ([], []))
-        stamps.append(stamp)
-        samples.append(_plain(message))
-    first = min((stamps[0] for stamps, _ in logs.values()), default=0)
+        else:
+            logs.setdefault(topic, []).append((stamp, _plain(message)))
+    first = min((log[0][0] for log in logs.values()), default=0)
     columns = Columns(path)
     groups = {}
-    for topic, (stamps, samples) in logs.items():
-        made = columns.of(samples)
+    for topic, log in logs.items():
+        made = columns.of([sample for _, sample in log])
         content = made if isinstance(made, Mapping) and len(logs) == 1 else {topic if len(logs) > 1 else "data": made}
-        groups[topic] = np.array([1e-9 * (t - first) for t in stamps]), dict(walk(content, ""))
+        groups[topic] = np.array([1e-9 * (stamp - first) for stamp, _ in log]), dict(walk(content, ""))
     return _on_one_clock(groups) | left
 
 
