@@ -443,8 +443,7 @@ def _cutoff(swings: Sequence[Swing], cutoff: float | None) -> tuple[float, str]:
     if frequency == spectral:
         return frequency, where
     side = "at least" if frequency == low else "at most"
-    factor = frequency / swing
-    return frequency, f"{where}, but the motion's products need {side} {factor:.3g} times the swing of {swing:.3g} Hz"
+    return frequency, SAYS("clipped", where=where, side=side, factor=frequency / swing, swing=swing)
 
 
 def _independent(system: System, gauge: Gauge, own: FloatArray) -> tuple[Gauge, Dependent, FloatArray, float]:
