@@ -87,7 +87,7 @@ def stretches(mask: NDArray[np.bool_]) -> IntArray:
     return np.flatnonzero(np.diff(mask, prepend=False, append=False)).reshape(-1, 2)
 
 
-def within(time: FloatArray, spans: Sequence[tuple[float, float]], slack: float = 0.0) -> BoolArray:
+def within(time: NDArray[np.floating], spans: Sequence[tuple[float, float]], slack: float = 0.0) -> BoolArray:
     """Which of increasing times lie in any of some spans, both ends included, and `slack` beyond them.
 
     Examples

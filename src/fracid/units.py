@@ -161,7 +161,7 @@ def with_half_width(value: float, half: float) -> str:
 
 
 def interval_beside(value: float, low: float, high: float) -> str:
-    """The interval of a value: half of its width, or both ends where one side is longer, to their second digit.
+    """The interval of a value: half of its width, or both ends, where a side is longer or an end is 0.
 
     Examples
     --------
@@ -171,7 +171,7 @@ def interval_beside(value: float, low: float, high: float) -> str:
     half = (high - low) / 2
     if not half > 0:
         return "± 0"
-    if max(high - value, value - low) <= LOPSIDED * half:
+    if low and high and max(high - value, value - low) <= LOPSIDED * half:  # ± would reach beyond a bound of 0
         return f"± {shown_half_width(half, value)}"
     return f"{to_second_digit(low, half)} … {to_second_digit(high, half)}"
 
@@ -181,8 +181,8 @@ def with_interval(value: float, low: float, high: float) -> str:
 
     Examples
     --------
-    >>> with_interval(0.00013361, 0.0001327, 0.00013452), with_interval(0.0, 0.0, 1.3e-4)
-    ('(1.3361 ± 0.0091)e-04', '0.000000, 0.000000 … 0.000130')
+    >>> with_interval(0.00013361, 0.0001327, 0.00013452), with_interval(2.5e-7, 0.0, 5.69e-7)
+    ('(1.3361 ± 0.0091)e-04', '2.5e-07, 0 … 5.7e-07')
     """
     half, beside = (high - low) / 2, interval_beside(value, low, high)
     return f"{to_second_digit(value, half)}, {beside}" if "…" in beside else with_half_width(value, half)

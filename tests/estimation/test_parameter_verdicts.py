@@ -333,6 +333,20 @@ def test_an_interval_that_ends_where_another_parameter_meets_its_bound_is_said_t
     assert "meets its bound" not in verdicts(wide)["V"].sentence
 
 
+def test_no_interval_ends_where_a_parameter_that_does_nothing_meets_its_bound():
+    cable = {"cable_stiffness": Free(1e-3, 0.0, 0.1), "theta_rest": Free(0.1, -1.0, 1.0)}
+    p = twin(parameters={"drag_theta": Free(1e-4, 0.0, 0.1)} | cable | free("b_theta"))
+    x = p.point({"cable_stiffness": 0.0, "theta_rest": -1.0, "drag_theta": 0.0})
+    known, i, k = uncertainty(p, x), p.names.index("b_theta"), p.names.index("theta_rest")
+    ends = known.ends.copy()
+    ends[i] = x[i] + 0.3 * (known.ends[i] - x[i])
+    stopped = replace(known, ends=ends, stops={(i, 0): {k: -1.0}, (i, 1): {k: -1.0}})
+    found = identifiability(p, x, stopped)
+    assert found["b_theta"].sentence == "identifiable"
+    says = "it does nothing where cable_stiffness is 0"  # and not drag_theta, though that may be 0 too
+    assert says in found["theta_rest"].sentence
+
+
 def mount(order, r, lower):
     """A mass on a spring and on an element of some order, let go."""
     element = {"x": Equation("v"), "v": Equation("-z - 40*x"), "z": Equation("v", order=order)}

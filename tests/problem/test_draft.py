@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 import fracid
 from fracid.cli import app
 from fracid.errors import InputError
-from fracid.problem.draft import draft_project, guess_columns
+from fracid.problem.draft import draft_project, guess_columns, guess_file
 from fracid.recording import Recording, inspect_recording
 from fracid.workflows.draft import write_draft
 
@@ -242,6 +242,17 @@ def test_a_command_that_is_logged_when_it_changes_is_held(tmp_path):
     draft = draft_project(path, folder=tmp_path)
     assert draft.columns["voltage"] == {"column": "effort_control/data", "unit": "V", "fill": "hold"}
     assert any("a command that is logged when it changes" in note for note in draft.notes)
+
+
+@pytest.mark.parametrize(("every", "fields"), [(1, {}), (4, {"fill": "hold"}), (40, {"fill": "hold"})])
+def test_the_unit_of_a_voltage_is_the_headers(tmp_path, every, fields):
+    path = tmp_path / "log.csv"
+    rows = [f"{t:.3f},{a:.6f},{'' if k % every else f'{1e3 * np.sin(t):.0f}'}"
+            for k, (t, a) in enumerate(zip(TIME, SWING, strict=True))]  # fmt: skip
+    path.write_text("t [s],pend [rad],voltage [mV]\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    columns, notes = guess_file(path)
+    assert {n: v for n, v in columns["voltage"].items() if n != "column"} == fields
+    assert any("voltage [mV]', whose unit the header says" in note for note in notes)
 
 
 # --- where it begins ------------------------------------------------------------------------------------------

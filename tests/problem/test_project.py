@@ -232,6 +232,14 @@ def test_the_paper_preset_is_the_paper_to_the_letter(project, where):
     assert p.parameters["C1"] == 4e-3
 
 
+def test_the_paper_preset_is_refused_for_other_models(project):
+    text = '[model]\nname = "two-mass"\n[model.orders]\nlambda = 1.0\nmu = 1.0\n' + BOTH
+    with pytest.raises(
+        InputError, match=r'preset = "paper" is the recipe for the rotary pendulum.*leave the preset out'
+    ):
+        project(text, preset="paper")
+
+
 def test_the_paper_preset_takes_the_rigs_constants_fixes_what_else_is_free_and_says_what_differs(project):
     text = (
         '[model]\nrig = "qube-servo2"\n[model.parameters]\nC1 = { start = 4e-3, lower = 1e-5, upper = 1e-2 }\n'

@@ -232,6 +232,39 @@ def test_rows_without_noise_need_no_weights():
     assert solve("tukey", system, gauge, np.ones(2), None)[0] == pytest.approx([1.0, 0.0], abs=1e-12)
 
 
+# --- inputs that are held, and gaps -----------------------------------------------------------------------
+
+
+def test_a_voltage_that_is_held_between_its_samples_is_no_half_sample_late_and_its_jumps_are_no_misfit():
+    rig = RIG.with_parameters(torque_per_volt=-0.128, b_theta=0.05)
+    volts = np.repeat(np.random.default_rng(1).uniform(-5, 5, 20), 50)  # each for half a second, at 100 Hz
+    fine = run(0, "integer", len(volts) / 100, rig, np.append(np.repeat(volts, 50), 0.0))[:-1:10]
+    angles = COUNT * np.round(fine[:, [0, 2]] / COUNT)
+    signals = {"theta": angles[:, 0], "alpha": angles[:, 1], "voltage": volts}
+    driven = Recording.of("steps", 0.01 * np.arange(len(volts)), signals, {"voltage": "V"})
+    found = regress(driven, rig, orders=orders("integer"))
+    for n in ("J_theta", "C1", "C3", "b_theta", "coulomb_theta"):
+        assert found.parameters[n].value == pytest.approx(rig.parameter(n).value, rel=0.03 if n[0] == "c" else 0.01), n
+    assert found.noise_ratio < 3
+    assert "lacks" not in found.belief
+
+
+@pytest.mark.parametrize("masked", [False, True])
+def test_what_was_not_measured_or_is_masked_has_no_rows(masked):
+    swing = release(60, "near", 1)
+    inside = (swing.time > 0.9) & (swing.time < (1.25 if masked else 1.04))
+    if masked:  # a logger's fault, in a project
+        y = np.where(inside[:, None], 9.0, np.column_stack([swing.signals["theta"], swing.signals["alpha"]]))
+        e = Experiment("twin", 1e-3, y, np.zeros((1, 1)), mask=((0.9, 1.25),))
+        free = {n: Free(TRUE[n], 0.1 * TRUE[n], 10 * TRUE[n]) for n in LUMPED if n != "C4"}
+        _, found = start_values(Problem(RIG, (e,), orders("near"), free, initial_state="rest"))
+    else:
+        with_gap = Recording.of("gap", swing.time[~inside], {n: x[~inside] for n, x in swing.signals.items()})
+        found = regress(with_gap.resample(), RIG, orders=orders("near"), known=C4)
+    assert np.abs(errors(found)).max() < 0.02
+    assert found.noise_ratio < 3
+
+
 # --- orders ---------------------------------------------------------------------------------------------
 
 

@@ -56,6 +56,20 @@ def test_constants_come_out_of_the_equations(name, free, options):
     assert "nan" not in f"{found}{found.left_over}{found._repr_html_()}".lower()
 
 
+def test_a_force_that_is_held_between_its_samples_damps_nothing():
+    model, step, finer = fracid.model("oscillator"), 0.01, 20
+    force = np.repeat(np.random.default_rng(1).uniform(-5, 5, 200), 10)
+    fine = np.append(np.repeat(force, finer), 0.0)[:, None]
+    twin = fracid.simulate(model, orders={"mu": 1.0}, initial={}, step=step / finer, end=20.0, inputs=fine)
+    y = twin.states[:-1:finer, :1]
+    y = y + 1e-4 * np.ptp(y) * np.random.default_rng(1).standard_normal(y.shape)
+    steps = Experiment("steps", step, y, force[:, None], between={"force": "hold"})
+    free = {n: Free(1.7 * model.parameter(n).value, 1e-9, 1e5) for n in ("m", "k", "b_displacement")}
+    found = regress_equations(Problem(model, (steps,), {"mu": 1.0}, free, outputs=("displacement",)))
+    damping = found.parameters["b_displacement"]
+    assert abs(damping.value - model.parameter("b_displacement").value) < 2.5 * damping.standard_error
+
+
 def test_what_is_not_linear_is_named_and_held():
     at = {"orders": {"mu": 1.0}, "initial": {"angle": 1.0}, "coulomb_angle": 1e-3}
     found = regress_equations(problem_of("pendulum", ("J", "coulomb_angle", "slip_speed"), off=1.0, **at))

@@ -149,6 +149,15 @@ def test_a_problem_travels_with_every_cost_and_memory(cost, memory):
 # --- what is made of many ----------------------------------------------------------------------------------
 
 
+def test_a_parameter_whose_interval_is_its_whole_range_has_no_interval_to_count():
+    idle = {"theta_rest": Free(0.1, -1.0, 1.0), "cable_stiffness": Free(0.0, 0.0, 1e-9)}
+    found = study(release(idle), np.array([*TRUTH, 0.1, 0.0]), seeds=2)
+    (cell,) = found.cells
+    names = ("theta_rest", "cable_stiffness")
+    assert [(cell.unknowns[n].intervals, cell.unknowns[n].claimed) for n in names] == [(0, None)] * 2
+    assert cell.unknowns["mu"].intervals == 2
+
+
 def test_statistics_are_those_of_the_repetitions():
     found = study(seeds=5)
     values = np.array([r["values"]["mu"] for r in found.repetitions.values()])

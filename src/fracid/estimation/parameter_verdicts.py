@@ -467,16 +467,16 @@ def _bounds(view: _View, i: int) -> str:
 
 def _idle(view: _View, i: int) -> str:
     """That a parameter does nothing where another is 0, as the rest of a spring: so it may be, by its interval."""
-    problem, x, pairs = view.problem, view.x, dict[str, list[FloatArray]]()
+    problem, x, ends = view.problem, view.x, dict[str, list[FloatArray]]()
+    moved = math.copysign(problem.space.typical[i], problem.space.steps(x)[i]) * np.eye(len(x))[i]
     for k, other in enumerate(problem.unknowns):
         low, high = view.known.interval(x, k) or (x[k], x[k])
         if i != k and problem.unknowns[i].kind == other.kind == "parameter" and low <= 0 <= high:
-            without = np.where(np.arange(len(x)) == k, 0.0, x)
-            inside = math.copysign(problem.space.typical[i], problem.space.steps(x)[i])
-            moved = np.where(np.arange(len(x)) == i, x + inside, without)
-            pairs[other.name] = [without, problem.space.clipped(moved)]
-    costs = np.reshape(problem.costs([end for pair in pairs.values() for end in pair]), (-1, 2))
-    return next((SAYS("idle", other=n) for n, (least, after) in zip(pairs, costs, strict=True) if least == after), "")
+            sizes = (0.0, max(low, high, key=abs) or problem.space.typical[k])  # at 0 already: what it does beyond
+            there = [np.where(np.arange(len(x)) == k, size, x) for size in sizes]
+            ends[other.name] = [problem.space.clipped(at) for size in there for at in (size, size + moved)]
+    costs = zip(ends, np.reshape(problem.costs([at for four in ends.values() for at in four]), (-1, 4)), strict=True)
+    return next((SAYS("idle", other=n) for n, (off, idle, on, acts) in costs if off == idle and on != acts), "")
 
 
 def _near_ratio(view: _View, i: int) -> tuple[str, str, float] | None:
@@ -544,8 +544,8 @@ def _cut(view: _View, i: int) -> Iterator[Verdict]:
         if abs(end - view.x[i]) > CUT * NORMAL_95 * view.known.standard_error[i]:
             continue
         for k, bound in view.known.stops.get((i, side), {}).items():
-            narrow = k == i and not view.too_wide(i, view.half(i) / CUT)
-            if not narrow and _means_something_beyond(view, k, bound):
+            harmless = _idle(view, k) if k != i else not view.too_wide(i, view.half(i) / CUT)
+            if not harmless and _means_something_beyond(view, k, bound):
                 why = SAYS("cut" if k == i else "cut-by", other=letter(view.names[k]), bound=bound)
                 yield Verdict(view.names[i], "practically not", why)
 

@@ -62,7 +62,8 @@ def as_fit(found: Examination, evaluations: int, timing: Mapping[str, float]) ->
                 *(f.note for f in findings if f.code != COARSE_STEP), *(b.sentence for b in opened),
                 *_warnings(problem, precision, found.verdicts), *found.warnings,
                 *_followed(problem, at.x, setting.window))  # fmt: skip
-    warnings, winner = tuple(filter(None, messages)), won(setting.attempts)
+    first = sorted(filter(None, messages), key=lambda w: getattr(w, "code", "") != "stopped")  # it explains the others
+    warnings, winner = tuple(first), won(setting.attempts)
     return Fit(
         problem=problem, x=at.x, evaluations=evaluations, seed=setting.seed, optimiser=setting.optimiser.name,
         outcome=found.outcome, method=problem.method, memory=problem.memory.name,

@@ -57,7 +57,9 @@ from fracid.models.pendulum import TABLE
 from fracid.problem.experiment import held_inputs
 from fracid.problem.toml_text import toml_value
 from fracid.recording import Recording, SignalReport, inspect_recording
+from fracid.recording.channel import UNITS
 from fracid.recording.clock import time_column
+from fracid.recording.columns import unit_of_header
 from fracid.recording.dropout import dropouts, without_dropouts
 from fracid.recording.faults import clock_jumps, other_clock, wraps
 from fracid.recording.guess import Columns, guess_columns, guessed_units, is_angle, jumps
@@ -250,8 +252,10 @@ def guess_file(
     raw, table = source.read(), source.table
     columns, notes = guess_columns(raw, table.names)
     if "voltage" not in columns and (command := _rare_command(table)):
-        columns["voltage"] = {"column": command, "unit": "V", "fill": "hold"}
-        return columns, (*notes, SAYS("rare-command", command=command))
+        of_header = UNITS.get(unit_of_header(table, table.find(command)) or "", (1.0, ""))[1] == "V"
+        columns["voltage"] = {"column": command} | ({} if of_header else {"unit": "V"}) | {"fill": "hold"}
+        unit = "whose unit the header says" if of_header else "in volts"
+        return columns, (*notes, SAYS("rare-command", command=command, unit=unit))
     return columns, notes + with_code(raw.report.reading, "blank") * ("voltage" not in columns)
 
 

@@ -457,6 +457,8 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     own_code = refuse_untrusted(path, named, trust)
     optimiser_from_name(fit.optimiser)
     model, parameters = _model(content.model, path.parent, paper)
+    if paper and "alpha" not in model.outputs:
+        raise InputError(SAYS("not-paper", model=model, outputs=", ".join(model.outputs)))
     model = with_rates(model, (n for r in content.recording for n in r.model_extra or {}))
     orders = _orders(content.model.orders, model)
     refuse_twins(map(_name, content.recording))  # before any is loaded: a thousand copies of one table are a slip, too

@@ -229,12 +229,13 @@ def unit_of(recording: Recording, name: str, what: str) -> Fields:
     ({'unit': 'deg'}, 'in degrees: two turns of radians are more than a pendulum does')
     """
     s = next(s for s in recording.report.signals if s.name == name)
-    if what == "voltage" and np.isnan(recording.signals[name]).any():
-        return {"unit": "V", "fill": "hold"}, "in volts: a command that is logged when it changes"
+    rare = {"fill": "hold"} if what == "voltage" and np.isnan(recording.signals[name]).any() else {}
+    logged = ": a command that is logged when it changes" if rare else ""
+    of_header = any(note.where == name for note in with_code(recording.report.reading, "unit-of-header"))
+    if of_header and (what != "voltage" or recording.units[name] == "V"):
+        return {**rare}, f"whose unit the header says{logged}"
     if what == "voltage":
-        return {"unit": "V"}, "in volts"
-    if any(note.where == name for note in with_code(recording.report.reading, "unit-of-header")):
-        return {}, "whose unit the header says"
+        return {"unit": "V"} | rare, f"in volts{logged}"
     q = s.resolution
     if q is not None and abs(q - 1) < 1e-6 and s.range > FEW_COUNTS:
         return {"unit": "counts", "counts_per_turn": 4096}, "counts of 4096 a turn: its numbers are whole"

@@ -34,7 +34,7 @@ from fracid.problem.first_values import along, smoothing
 from fracid.regression.credibility import SAYS
 from fracid.regression.estimators import Gauge, sandwich, solve
 from fracid.regression.linear import Regression, SearchedOrder, constants_of, doubted, estimated
-from fracid.regression.rows import System, from_rest
+from fracid.regression.rows import System, about_samples, from_rest
 
 STEEPER = 1.5
 """The second window over the first."""
@@ -87,7 +87,8 @@ def _rows(problem: Problem, e: Experiment, sought: Sequence[str], window: float)
     edge, every = int(4 * width) + 1, max(1, n // ROWS)
     at = np.arange(edge, n - edge, every)
     inputs = np.broadcast_to(e.inputs, (n, e.inputs.shape[1])) if len(e.inputs) == 1 else e.inputs[:n]
-    u, nothing = inputs[at], np.zeros(n)
+    held = [e.between.get(name) == "hold" for name in model.inputs]
+    u, nothing = np.where(held, about_samples(inputs), inputs)[at], np.zeros(n)
 
     def filtered(values: FloatArray) -> FloatArray:
         return np.asarray(gaussian_filter1d(values, max(width / every, 0.5), mode="nearest"))

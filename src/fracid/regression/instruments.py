@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -54,7 +55,7 @@ def _iterated(
             return None, scales
         whole = data.W([simulated], orders)[0]
         keep = (data.times[0] <= horizon, data.times[1] <= horizon)
-        new = solve("iv", system.masked(keep), gauge, scales, instruments=only(whole, keep))[0]
+        new = solve("iv", replace(system, W=only(system.W, keep)), gauge, scales, instruments=only(whole, keep))[0]
         still = np.allclose(new, v, rtol=1e-4, atol=0.0)
         v, scales = new, system.scales(gauge.beta(new), near)
         if still and horizon >= longest:

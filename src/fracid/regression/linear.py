@@ -434,13 +434,13 @@ def _cutoff(swings: Sequence[Swing], cutoff: float | None) -> tuple[float, str]:
         return float(cutoff), "as asked for"
     spectral = max(s.cutoff for s in swings)
     low, high = (factor * swing for factor in CUTOFF)
+    high = math.inf if any(s.drive is not None for s in swings) else high  # a drive that jumps is no swing
     frequency = min(max(spectral, low), high, 0.8 * nyquist)
     where = f"the angles' spectrum comes down to ten times the noise at {spectral:.3g} Hz"
     if frequency == spectral:
         return frequency, where
     side = "at least" if frequency == low else "at most"
-    factor = frequency / swing
-    return frequency, f"{where}, but the motion's products need {side} {factor:.3g} times the swing of {swing:.3g} Hz"
+    return frequency, SAYS("clipped", where=where, side=side, factor=frequency / swing, swing=swing)
 
 
 def _independent(system: System, gauge: Gauge, own: FloatArray) -> tuple[Gauge, Dependent, FloatArray, float]:
@@ -576,7 +576,7 @@ def start_values(problem: Problem, *, estimator: Estimator = "iv") -> tuple[Floa
     asked = Asked.by(problem)
     if not asked.terms:
         raise InputError(SAYS("none-free", names=", ".join(terms_of(problem.model).names)))
-    swings = [swing_of(_recording(e, problem), asked.model) for e in problem.experiments]
+    swings = [swing_of(_recording(e, problem), asked.model, e) for e in problem.experiments]
     regression = asked.settled(swings, "project").of(swings, estimator)
     return start_of(problem, regression), regression
 
@@ -609,4 +609,4 @@ def _recording(e: Experiment, problem: Problem) -> Recording:
     model, inputs = problem.model, np.broadcast_to(e.inputs, (len(e.measured), e.inputs.shape[1]))
     angles = {n: y for n, y in zip(problem.outputs, e.measured.T, strict=True) if n in model.angles}
     driven = {n: u for n, u in zip(model.inputs, inputs.T, strict=True)}
-    return Recording.of(e.name, e.time, angles | driven, {n: si_unit(model.input_unit(n)) for n in driven})
+    return Recording.of(e.name, e.start + e.time, angles | driven, {n: si_unit(model.input_unit(n)) for n in driven})

@@ -6,17 +6,19 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import BoolArray, FloatArray, by_name
+from fracid.arrays import FloatArray, by_name, within
 from fracid.errors import InputError
 from fracid.findings import Words
 from fracid.models import Model
 from fracid.models.base import LinearTerms
 from fracid.models.pendulum import LINEAR_TERMS
+from fracid.problem import Experiment
 from fracid.recording import Recording
 from fracid.signals.resolution import noise_level
 from fracid.solver.operators import derivative
@@ -47,6 +49,9 @@ DRAWS = 4
 LOUD = 30.0
 """So many times its mean power no single frequency of a white noise comes by, but once in e^30."""
 
+BENDS = 3.0
+"""Noise levels by which a swing may leave the line over a gap: a longer gap has no rows."""
+
 OVERSAMPLED = 20.0
 """Samples a period of the cut-off, after the low-pass."""
 
@@ -69,6 +74,17 @@ def from_rest(x: FloatArray, order: float, step: float) -> FloatArray:
     rates = derivative(x - x[:1], order, step, kind="rl")
     rates[0] = np.where(np.isfinite(rates[0]), rates[0], 0.0)
     return rates
+
+
+def about_samples(u: FloatArray) -> FloatArray:
+    """Of inputs that are held from each sample to the next the mean of before and after: what a low-pass sees there.
+
+    Examples
+    --------
+    >>> about_samples(np.array([0.0, 1.0, 1.0])).tolist()
+    [0.0, 0.5, 1.0]
+    """
+    return np.asarray(0.5 * (u + np.concatenate([u[:1], u[:-1]])))
 
 
 def terms_of(model: Model) -> LinearTerms:
@@ -119,11 +135,13 @@ class Swing:
     start: int
     """Sample of the release; 0 if it is the first."""
     drive: FloatArray | None
-    """What torque_per_volt multiplies, shape (n_samples,)."""
+    """What torque_per_volt multiplies, shape (n_samples,); of one that is held between samples, the mean about each."""
     noise: FloatArray
     """Of both angles, rms [rad], shape (2,)."""
     arm: bool
     """Whether θ was recorded."""
+    gaps: tuple[tuple[float, float], ...]
+    """From when to when nothing was measured, or is masked: lines are there [s from the first sample]."""
 
     @cached_property
     def frequency(self) -> float:
@@ -161,8 +179,8 @@ class Swing:
         return bool(np.any(self.initial[1] != 0.0))
 
 
-def swing_of(recording: Recording, model: Model) -> Swing:
-    """Take what is needed out of a recording, and measure its noise.
+def swing_of(recording: Recording, model: Model, e: Experiment | None = None) -> Swing:
+    """Take what is needed out of a recording, and measure its noise; a problem's own `e` has what is masked.
 
     Raises
     ------
@@ -184,16 +202,24 @@ def swing_of(recording: Recording, model: Model) -> Swing:
     release = recording.report.release if drive is None else None
     start = 0 if release is None else round((release - recording.time[0]) / recording.step)
     angles = np.column_stack([signals.get("theta", np.zeros_like(alpha)), alpha])
-    if len(angles) - start < 100:
-        raise InputError(f"{name}: {len(angles) - start} samples after the release; a regression needs at least 100.")
+    e = e or Experiment.of(recording, model, [n for n in ("theta", "alpha") if n in signals])
+    gaps = (*e.mask, *chain.from_iterable(e.blanks))
+    lost = within(recording.time, gaps, 1e-6 * e.step)
+    if (count := int(np.sum(~lost[start:]))) < 100:
+        raise InputError(f"{name}: {count} samples after the release; a regression needs at least 100.")
     if not np.all(np.isfinite(angles)):
         raise InputError(f"{name}: a sample is not a finite number; leave such samples out or fill them.")
     if np.ptp(alpha) == 0.0:
         raise InputError(f"{name}: alpha stands still, so nothing can be found; expected a swing.")
+    if drive is not None and e.between.get(taken) == "hold":
+        drive = about_samples(drive)
+    for x in angles.T:
+        x[lost] = np.interp(recording.time[lost], recording.time[~lost], x[~lost])
     steps = {s.name: s.resolution or 0.0 for s in recording.report.signals}
     noise = [noise_level(x, steps.get(n, 0.0)) for n, x in zip(("theta", "alpha"), angles[start:].T, strict=True)]
     return Swing(name, recording.step, angles, start, drive=drive, noise=np.array(noise),
-                 arm=float(np.ptp(angles[:, 0])) > 0.0)  # fmt: skip
+                 arm=float(np.ptp(angles[:, 0])) > 0.0,
+                 gaps=tuple((a - recording.time[0], b - recording.time[0]) for a, b in gaps))  # fmt: skip
 
 
 # --- rows: filtered, decimated, borders and standstill left out ---------------------------------------
@@ -261,11 +287,14 @@ class Rows:
 
     @cached_property
     def kept(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Low-passed samples of the arm's and of the pendulum's rows: no borders, and that angle moves."""
+        """Low-passed samples of the arm's and of the pendulum's rows: no borders, no gaps, and that angle moves."""
         s, smooth = self.swing, self.angles()
         border = math.ceil(_low_pass_reach(s.step, self.cutoff) / self.stride) + len(self.hann) // 2 + 1
         start = self.past + math.ceil(s.start / self.stride)
         grid = np.arange(start + border, len(smooth) - border, max(1, len(self.hann) // 4))
+        longest = math.sqrt(4.0 * BENDS * s.noise[1] / np.ptp(s.angles[:, 1])) / (math.pi * s.frequency)
+        gaps = [(a, b) for a, b in s.gaps if b - a > longest]
+        grid = grid[~within((grid - self.past) * self.step, gaps, border * self.step)]
         half = max(1, round(0.5 / s.frequency / self.step))
         swings = np.array([np.ptp(smooth[max(start, i - half) : i + half], axis=0) for i in grid]).reshape(-1, 2)
         speed = np.abs(np.gradient(smooth, self.step, axis=0)[grid])
@@ -371,10 +400,6 @@ class System:
         pairs = zip(self.covariance, self.W, strict=True)
         own = np.array([math.sqrt(max(float(beta @ C @ beta), 1e-300) / max(len(W), 1)) for C, W in pairs])
         return own if near is None else np.clip(own, near / 3.0, near * 3.0)
-
-    def masked(self, keep: Sequence[BoolArray]) -> System:
-        """Only the rows to keep."""
-        return System(self.equations, only(self.W, keep), tuple(only(W, keep) for W in self.noisy))
 
 
 def _join(parts: Sequence[Blocks]) -> Blocks:

@@ -198,7 +198,7 @@ def _error(name: str, s: Mapping[str, Any]) -> dict[str, str]:
     share = "" if ends is None else " ({:.0f}–{:.0f} %)".format(*(100 * v for v in ends))
     return {"parameter": f"{letter(name)}{unit}", "truth": number(s["truth"]), "bias": number(s["bias"], ".2g"),
             "spread": number(s["spread"], ".2g"), "standard error": number(s["claimed"], ".2g"),
-            "coverage": f"{s['held']} of {s['intervals']}{share}"}  # fmt: skip
+            "coverage": f"{s['held']} of {s['intervals']}{share}" if s["intervals"] else number(None)}  # fmt: skip
 
 
 def _controlled(record: Mapping[str, Any]) -> Found:

@@ -471,8 +471,10 @@ def repetition(
     errors: dict[str, Any] = dict.fromkeys(problem.names)
     intervals = dict(errors)
     if not isinstance(precision, Failure):
-        errors = problem.named(precision.standard_error)
-        intervals = {n: precision.interval(best.point, i) for i, n in enumerate(problem.names)}
+        reach = zip(problem.names, precision.ends, problem.space.lower, problem.space.upper, strict=True)
+        known = {n: i for i, (n, (low, high), a, b) in enumerate(reach) if low > a or high < b}  # within its bounds
+        errors |= {n: float(precision.standard_error[i]) for n, i in known.items()}
+        intervals |= {n: precision.interval(best.point, i) for n, i in known.items()}
     return as_json(RepetitionBlock, begun | {
         "failure": "",
         "cost": best.cost,

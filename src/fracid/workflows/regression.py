@@ -125,7 +125,8 @@ def run_regression(
             refuse_unknown("order", asked.orders, *orders)
             sought = tuple(terms) or asked.terms or LUMPED
             asked = replace(asked, orders={**asked.orders, **orders}, terms=sought, known=known)
-            swings = [swing_of(r, asked.model) for r in recordings]
+            fitted = {} if problem is None else {e.name: e for e in problem.experiments}
+            swings = [swing_of(r, asked.model, fitted.get(r.name)) for r in recordings]
             asked = asked.settled(swings, "rig" if project is None else "project")
             notes, groups = asked.notes, [[s] for s in swings] if each else [swings]
             regressions = {", ".join(s.name for s in group): asked.of(group, estimator, cutoff) for group in groups}
