@@ -96,6 +96,16 @@ def test_no_constant_is_fixed_for_that_the_librarys_is_far_too_large():
     assert "C0" in first_values(fracid.model("capacitor"), 0.01, signals, ["C0", "R"], starts={"v": 0.3}).values
 
 
+def test_strong_memory_is_no_mass_of_another_size():
+    """An oscillator of order 0.7, whose acceleration is far from the second derivative."""
+    x, half, whole = (wave(degree) for degree in (0, 0.7, 1.4))
+    signals = {"displacement": x, "force": 2.0 * whole + 1.5 * half + 60.0 * x + 900.0 * x**3}
+    found = first_values(fracid.model("oscillator"), 0.01, signals, ["m", "k", "k3", "b_displacement"])
+    assert found.explained > 0.9
+    for n, true in {"m": 2.0, "k": 60.0, "k3": 900.0}.items():
+        assert 0.4 < found.values[n] / true < 2.5, n
+
+
 @pytest.mark.broad
 def test_a_stiff_strip_is_drafted_and_fitted_as_what_it_is(tmp_path, without_rivals):
     t, order = np.arange(0, 60, 0.1), 0.3
