@@ -543,7 +543,8 @@ def test_a_recording_gives_its_residual_and_its_percent_of_fit():
     y, e = swing.measured["alpha"], swing.residual("alpha")
     assert np.array_equal(e, y - swing.fitted["alpha"])
     assert swing.fit_percent["alpha"] == pytest.approx(100 * (1 - np.linalg.norm(e) / np.linalg.norm(y - y.mean())))
-    flat = replace(swing, time=np.arange(3.0), measured={"alpha": np.ones(3)}, fitted={"alpha": np.ones(3)})
+    three = {"alpha": np.ones(3)}
+    flat = replace(swing, time=np.arange(3.0), measured=three, fitted=three, scored={})
     assert flat.fit_percent == {"alpha": 100.0}
     assert replace(flat, fitted={"alpha": np.zeros(3)}).fit_percent == {"alpha": -np.inf}
 
