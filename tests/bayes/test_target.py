@@ -145,3 +145,11 @@ def test_odds_of_other_recordings_are_refused(swing):
     first, second = fracid.posterior(swing, draws=200), fracid.posterior(other, draws=200)
     with pytest.raises(InputError, match="of different recordings"):
         fracid.log_odds(first, second)
+
+
+@pytest.mark.few(1)
+def test_no_point_of_a_higher_cost_is_likelier_than_the_minimum(swing):
+    likelihood, _ = calibrated(replace(swing, weights="noise"), swing.start)  # which grows more slowly than squares do
+    ranges = 0.2 * (swing.space.upper - swing.space.lower)
+    points = swing.space.clipped(likelihood.centre + ranges * (np.random.default_rng(1).random((20, 3)) - 0.5))
+    assert max(likelihood.log_likelihoods(points)) < 0.0

@@ -249,13 +249,30 @@ def escaping(t, x, u, p, out):
     out[0] = -p[0] * x[0] + p[1] * x[0] ** 3
 
 
-@pytest.mark.broad
-def test_a_random_start_whose_run_fails_is_moved_and_not_lost():
-    """x' = −a x + b x³ escapes in finite time from 1 where b > a: on the first horizon, or on a later one."""
-    model = fracid.Model(
+def escaping_model():
+    """x' = −a x + b x³, which escapes in finite time from 1 where b > a."""
+    return fracid.Model(
         name="escaping", rhs=escaping, states=("x",), orders=(1.0,), outputs={"x": 0}, inputs=(), zero="", source="",
         parameters=(fracid.Parameter("a", "1/s", 1.0, ""), fracid.Parameter("b", "1/s", 0.2, "")),
     )  # fmt: skip
+
+
+def test_a_start_that_a_short_horizon_leads_to_where_runs_fail_goes_on_from_where_it_began():
+    t = 0.02 * np.arange(201)
+    rises_at_first = np.where(t < 0.3, 1 + 3 * t, 1.9 * np.exp(0.3 - t))[:, None]
+    e = Experiment("x", 0.02, rises_at_first, np.zeros((1, 0)))
+    free = {"a": Free(1.0, 0.0, 3.0), "b": Free(0.9, 0.0, 60.0)}
+    p = Problem(escaping_model(), (e,), {}, free, initial_state="held")
+    result, (start,) = search(p, MULTISTART, np.random.default_rng(1))
+    assert result.outcome is Outcome.CONVERGED
+    assert (start.origin, start.cost) == ("given", result.best.cost)
+    assert result.best.cost < p.cost(p.start) < np.inf
+
+
+@pytest.mark.broad
+def test_a_random_start_whose_run_fails_is_moved_and_not_lost():
+    """From 1 on the first horizon, or on a later one."""
+    model = escaping_model()
     run = fracid.simulate(model, orders={}, initial={"x": 1.0}, step=0.01, end=8.0)
     e = Experiment("x", 0.01, run.states, np.zeros((1, 0)))
     free = {"a": Free(1.0, 0.0, 3.0), "b": Free(0.9, 0.0, 60.0)}

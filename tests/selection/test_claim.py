@@ -157,11 +157,11 @@ def test_a_model_that_does_not_follow_the_motion_claims_nothing(orders, alternat
     assert claim.claim == "undecided"
     assert claim.codes == ("no-fit", "decide-model")
     assert claim.reasons[0].startswith("The model does not fit swing, alpha (fit -1014 %)")
-    assert claim.reasons[1].endswith("units and clock, or type --multi-start 16.")
+    assert claim.reasons[1].endswith("units and clock; another start may do better, type --multi-start 16.")
 
 
 def test_more_starts_are_not_advised_where_they_would_replace_the_optimiser():
-    claim = claim_of(CLEAR, None, {"swing, alpha": LeftOver(2.3, STEP, 0.001, fit=0.0)}, restarts=False)
+    claim = claim_of(CLEAR, None, {"swing, alpha": LeftOver(2.3, STEP, 0.001, fit=0.0)}, starts=0)
     assert claim.reasons[1].endswith("Look at their columns, zeros, signs, units and clock.")
 
 
@@ -192,8 +192,16 @@ def test_several_residuals_that_are_no_noise_are_one_sentence():
     [sentence] = [r for r in claim_of([OrderFound("mu", 1.0, 0.01)], None, both).reasons if "lacks" in r]
     assert sentence == (
         "The residuals of swing, alpha (9 times the recording's rounding) and swing, theta (18 times the recording's "
-        "rounding) are correlated: the model lacks something."
+        "rounding) are correlated: the model lacks something; another start may do better, type --multi-start 16."
     )
+
+
+def test_another_start_is_advised_of_a_residual_only_where_one_was_searched_and_nothing_else_explains_it():
+    one, many = (claim_of(CLEAR, nearest(), MISFIT, ["It is late."], starts=n).reasons for n in (1, 16))
+    compared = claim_of(CLEAR, nearest(), MISFIT, ["It is late."], compared=True).reasons
+    advised = [[k for k, said in enumerate(reasons) if "--multi-start" in said] for reasons in (one, many, compared)]
+    assert advised == [[1], [], []]
+    assert one[2] == "It is late."
 
 
 def test_what_a_fit_leaves_over_is_read_back_as_it_was():

@@ -33,6 +33,12 @@ def test_what_hangs_together_and_is_above_three_times_the_rounding_is_said_with_
     assert said.number == pytest.approx(rms / (STEP / np.sqrt(12)), rel=0.05)
 
 
+def test_another_start_is_advised_of_a_misfit_where_one_was_searched():
+    one, many = ([f.sentence for f in misfits(beside(0.97), starts)] for starts in (1, 16))
+    assert "lacks something; another start may do better, type --multi-start 16. fracid resid" in one[0]
+    assert "--multi-start" not in many[0]
+
+
 @pytest.mark.parametrize("factor", [1.0, 0.999])
 def test_rounding_is_no_misfit(factor):
     assert not list(misfits(beside(factor), 1))

@@ -7,8 +7,11 @@ simulates the recording, :math:`Δ_t = f_t(x) - f_t(\hat x)`, is split into a ch
 difference to first order, and a remainder:
 
 .. math::  T(x) = A^{-1} \sum_t \overline{ρ''}\, w_t J_t Δ_t, \qquad
-           -\log L(x) = \frac{ν + d}{2} \log\Big(1 + \frac{T' C_S^{-1} T}{ν}\Big)
-           + \frac{n_{eff}}{2 V(\hat x)} \Big(V(x) - V(\hat x) - \tfrac12\, T' A T\Big).
+           -\log L(x) = \frac{ν + d}{2} \log\Big(1 + φ \frac{T' C_S^{-1} T}{ν}\Big)
+           + \frac{n_{eff}}{2 V(\hat x)} \Big(V(x) - V(\hat x) - \tfrac{φ}2\, T' A T\Big).
+
+φ is the part of :math:`\tfrac12 T'AT` by which the cost does rise, 1 at most and 0 at least.  Without it L has no upper
+bound where the cost grows more slowly than squares do, as that of ``weights = "noise"``: the logarithm does too.
 
 Next to the minimum :math:`T = δ = x - \hat x`: the curvature is the sandwich's in every direction.  Far from it T is
 what the model does there.  The remainder, which no change of parameters next to the minimum explains, counts by the
@@ -169,10 +172,11 @@ class RecordedLikelihood:
             return -math.inf
         parts = zip(self.projection, self.errors, errors, strict=True)
         move = sum((np.einsum("toi,to->i", p, here - there) for p, here, there in parts), np.zeros(len(x)))
-        power = 2 if problem.cost_function.root else 1
-        rise = (cost / self.cost) ** power - 1 - 0.5 * float(move @ self.curvature @ move) / self.scale
-        tangent = 0.5 * (self.degrees + len(x)) * math.log1p(float(move @ self.precision @ move) / self.degrees)
-        return -tangent - 0.5 * self.samples * rise
+        rise = (cost / self.cost) ** (2 if problem.cost_function.root else 1) - 1
+        to_second_order = 0.5 * float(move @ self.curvature @ move) / self.scale
+        φ = min(max(rise, 0.0), to_second_order) / max(to_second_order, 1e-300)
+        tangent = 0.5 * (self.degrees + len(x)) * math.log1p(φ * float(move @ self.precision @ move) / self.degrees)
+        return -tangent - 0.5 * self.samples * (rise - φ * to_second_order)
 
 
 @dataclass(frozen=True)

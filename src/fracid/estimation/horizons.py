@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -177,19 +178,21 @@ Searched = tuple[Result, tuple[Start, ...]]
 def grown_horizon(problem: Problem, points: list[Begun], watch: Watch, spare: Sequence[Begun] = ()) -> Searched:
     """Fit from several points on horizons that grow, and keep those that promise most at each.
 
-    A start whose run fails, other than the first, is moved to the next of the `spare` points.
+    A start whose run fails on a longer horizon goes on from where it began, or, unless it is the first, from the next
+    of the `spare` points.
     """
     live = ways = [_Way(name=origin, begun=x, at=x) for origin, x in points]
     baseline, others = watch.count, iter(spare)
     parts = [*_parts(problem)]
     for number, (part, at) in enumerate(parts):
         result = _on_part(at, live, part, watch)
-        for way in live[1:]:
+        for way in live:
             if not result.interrupted and not way.lowest < np.inf:
-                end = _moved(way, others, parts[: number + 1], watch=watch)
+                end = _anew(way, others if way is not live[0] else iter(()), parts[: number + 1], watch=watch)
                 if end is not None:
                     best = min(result.best, end.best, key=lambda e: e.cost)
-                    result = replace(result, best=best, outcome=end.outcome if end.interrupted else result.outcome)
+                    failed = result.outcome is Outcome.ALL_FAILED
+                    result = replace(end if end.interrupted or failed else result, best=best)
         if result.interrupted and part:
             result = replace(result, best=problem.evaluate(min(live, key=lambda way: way.lowest).at))
         if result.interrupted or not part:
@@ -203,10 +206,9 @@ def _parts(problem: Problem) -> Iterator[tuple[str, Problem]]:
 
     A cost of |e| is Huber's until then.
     """
-    whole = max(e.time[-1] for e in problem.experiments)
     smooth = replace(problem, cost_function=problem.cost_function.without_kink)
     for horizon in horizons(problem):
-        yield f"the first {horizon:.3g} of {whole:.3g} s", smooth.until(horizon)
+        yield f"the first {horizon:.3g} of {problem.seconds:.3g} s", smooth.until(horizon)
     if smooth.cost_function is not problem.cost_function:
         yield SMOOTH, smooth
     yield "", problem
@@ -231,17 +233,19 @@ def _on_part(at: Problem, live: list[_Way], part: str, watch: Watch) -> Result:
     return result
 
 
-def _moved(way: _Way, others: Iterator[Begun], parts: Sequence[tuple[str, Problem]], watch: Watch) -> Result | None:
-    """Begin a start whose run fails anew from another point, up to where the others are; None if none is left."""
-    for name, x in others:
-        way.name, way.begun, way.at, way.on_first, way.came_down = name, x, x, None, False
-        for part, at in parts:
+def _anew(way: _Way, others: Iterator[Begun], parts: Sequence[tuple[str, Problem]], watch: Watch) -> Result | None:
+    """Begin a start whose run fails anew: where it began, on the last of the parts that led here; else elsewhere.
+
+    From other points it goes through all parts.  None where every run fails.
+    """
+    begun = [] if np.array_equal(way.at, way.begun) else [(way.name, way.begun, way.on_first, parts[-1:])]
+    for name, x, on_first, left in chain(begun, ((*other, None, parts) for other in others)):
+        way.name, way.begun, way.at, way.on_first, way.came_down = name, x, x, on_first, False
+        for part, at in left:
             result = _on_part(at, [way], part, watch)
-            if result.interrupted:
-                return result
-            if not way.lowest < np.inf:
+            if result.interrupted or not way.lowest < np.inf:
                 break
-        else:
+        if result.interrupted or way.lowest < np.inf:
             return result
     return None
 
@@ -272,12 +276,11 @@ def horizons(problem: Problem) -> Iterator[float]:
     """
     if all(e.times is not None for e in problem.experiments):
         return
-    whole = max(e.time[-1] for e in problem.experiments)
     known = all(u.kind in ("initial", "time") or u.target in problem.model.rests for u in problem.unknowns)
     horizon = first = max(_first_horizon(e) for e in problem.experiments)
     still = max(e.standstill for e in problem.experiments)
     still = still if still > STILL * first else 0.0
-    while still + horizon < 0.75 * whole:
+    while still + horizon < 0.75 * problem.seconds:
         yield still + horizon
         many = horizon >= MANY * first and any(e.means > 1 for e in problem.experiments)
         horizon *= LEAP if many or known else GROWTH
@@ -285,10 +288,9 @@ def horizons(problem: Problem) -> Iterator[float]:
 
 def _of_windows(problem: Problem, x: FloatArray) -> Iterator[float]:
     """Seconds of windows, from a third of them on, where x is far off at their ends: what a start is off by grows."""
-    whole = max(e.time[-1] for e in problem.experiments)
-    seconds = whole / 3
+    seconds = problem.seconds / 3
     if problem.in_windows and not problem.cost(x) < FAR * problem.until(seconds).cost(x):
-        while seconds < whole:
+        while seconds < problem.seconds:
             yield seconds
             seconds *= LENGTHENS
 

@@ -194,8 +194,7 @@ def _sobol_starts(
         return []
     measured = np.array([u.kind in ("initial", "time") for u in problem.unknowns])
     points, evaluations = np.empty((0, len(problem.names))), list[Evaluation]()
-    whole = max(float(e.time[-1]) for e in problem.experiments)
-    part = problem.until(next(horizons(problem), whole))
+    part = problem.until(next(horizons(problem), problem.seconds))
 
     def score(more: FloatArray) -> Optimiser:
         evaluations.extend((yield more))

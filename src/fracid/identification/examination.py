@@ -133,6 +133,11 @@ class Setting:
     jobs: int
     observer: Observer
 
+    @property
+    def multi_starts(self) -> int:
+        """Starts of a search by multistart, which more of them may bring to another minimum; 0 of any other."""
+        return self.starts if self.optimiser.function is None else 0
+
 
 @dataclass
 class Examination:
@@ -412,14 +417,13 @@ class Examination:
         if element is not None:
             before, after = on_all_samples(problem, np.array([element.before, element.cost]), beside.cost, cost)
             element = replace(element, before=float(before), cost=float(after))
-        restarts, self.alternative = not setting.optimiser.keeps_its_own, nearest
-        self.claim = claim_of(orders, nearest, self.residuals, contradictions, element=element, restarts=restarts)
+        starts, self.alternative = setting.multi_starts, nearest
+        self.claim = claim_of(orders, nearest, self.residuals, contradictions, element=element, starts=starts)
         if nearest is not None and self.claim.claim == "integer":
             self.warnings.append(nearest.warning)
         if nearest is not None and part is not problem:
             few, many = len(part.recordings), len(problem.recordings)
-            end = max(float(e.time[-1]) for e in part.experiments)
-            reason = SAYS("compared", end=end) if few == many else SAYS("compared-on", few=few, many=many, end=end)
+            reason = SAYS("compared" if few == many else "compared-on", few=few, many=many, end=part.seconds)
             self.claim = replace(self.claim, reasons=(*self.claim.reasons, reason))
 
     def _cheaper(self, part: Problem) -> tuple[Problem, Evaluation]:
@@ -500,5 +504,5 @@ def _beside(other: Problem, problem: Problem) -> Problem:
     same = tuple(e for e in other.experiments if e.recording.name in problem.recordings)
     other = replace(other, experiments=same)
     if is_coarse(problem):
-        other = like(other, own_substeps(problem)).until(max(float(e.time[-1]) for e in problem.experiments))
+        other = like(other, own_substeps(problem)).until(problem.seconds)
     return replace(other, substeps=problem.substeps)

@@ -113,7 +113,7 @@ def _findings(found: Examination, problem: Problem, fitted: Mapping[str, Recordi
     if found.outcome is not Outcome.INTERRUPTED:
         coloured = [where for where, e in found.residuals.items() if e.coloured]
         hidden = partial(hidden_starts, problem, found.at.x)
-        later += [*misfits(fitted, len(found.setting.attempts), coloured, hidden), *found.missed()]
+        later += [*misfits(fitted, found.setting.multi_starts, coloured, hidden), *found.missed()]
     return [f for group in (found.setting.findings, later) for f in sorted(group, key=cost_of, reverse=True)]
 
 

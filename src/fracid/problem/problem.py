@@ -285,6 +285,11 @@ class Problem(Parametrisation, CardDisplay):
 
     # --- variants ----------------------------------------------------------------------------------
 
+    @property
+    def seconds(self) -> float:
+        """How long its longest recording is [s]."""
+        return max(float(e.time[-1]) for e in self.experiments)
+
     def until(self, horizon: float) -> Problem:
         """The same problem on the first `horizon` seconds of each recording."""
         return replace(self, experiments=tuple(e.until(horizon) for e in self.experiments))

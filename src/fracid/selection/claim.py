@@ -170,7 +170,7 @@ def orders_found(problem: Problem, x: FloatArray, precision: Known) -> tuple[Ord
 def claim_of(
     orders: Sequence[OrderFound], alternative: Alternative | None, left_over: Mapping[str, LeftOver],
     contradictions: Sequence[str] = (), support: Sequence[str] = (), element: FractionalElement | None = None,
-    *, compared: bool = False, restarts: bool = True,
+    *, compared: bool = False, starts: int = 1,
 ) -> Claim:  # fmt: skip
     """What a fit's orders are evidence of.
 
@@ -190,8 +190,8 @@ def claim_of(
         A springpot that explains what is left over: neither the orders nor their integers are the answer then.
     compared : bool
         Whether other structures were looked at already.
-    restarts : bool
-        Whether the optimiser is one that more starts leave as it is: many belong to multistart alone.
+    starts : int
+        Of the search; 0 of an optimiser's own, which more starts leave as it is.
 
     Examples
     --------
@@ -203,13 +203,13 @@ def claim_of(
     """
     if not orders:
         return _undecided(SAYS("given"))
+    again = SAYS("again") if starts == 1 and element is None and not compared else ""
     missed = {where: e for where, e in left_over.items() if not e.fits}
     if missed and (alternative is None or alternative.gain > -STRONG):  # else something of integer order is far better
         each = " and ".join(f"{where} (fit {round(e.fit)} %)" for where, e in missed.items())
-        again = ", or type --multi-start 16" * restarts
         return _undecided(SAYS("no-fit", each=each), SAYS("decide-model", again=again))
     off = [order for order in orders if order.off]
-    unexplained = _unexplained({where: e for where, e in left_over.items() if not e.noise})
+    unexplained = _unexplained({where: e for where, e in left_over.items() if not e.noise}, again)
     as_noise = [where for where, e in left_over.items() if e.noise and not e.explained]
     coloured = [SAYS("coloured", each=" and ".join(as_noise))] if as_noise else []
     rungs = frozenset() if compared else orders[0].rungs
@@ -289,13 +289,13 @@ def _too_little(off: Sequence[OrderFound], open_question: Sequence[str]) -> Clai
     return _undecided(said, *(open_question or [SAYS("no-recording")]))
 
 
-def _unexplained(left_over: Mapping[str, LeftOver]) -> list[str]:
+def _unexplained(left_over: Mapping[str, LeftOver], again: str) -> list[str]:
     """One sentence on all residuals that are no noise; empty where there are none."""
     sizes = {where: _size(e) for where, e in left_over.items()}
     if len(sizes) < 2:
-        return [SAYS("unexplained", where=where, size=size) for where, size in sizes.items()]
+        return [SAYS("unexplained", where=where, size=size, again=again) for where, size in sizes.items()]
     each = " and ".join(f"{where} ({size})" for where, size in sizes.items())
-    return [SAYS("all-unexplained", each=each)]
+    return [SAYS("all-unexplained", each=each, again=again)]
 
 
 def _size(e: LeftOver) -> str:

@@ -275,7 +275,7 @@ def _groups(problem: Problem, off: Sequence[str]) -> dict[str, list[int]]:
 
 def _band(problem: Problem) -> tuple[float, float]:
     """The shortest step and the longest record [s]."""
-    return min(e.step for e in problem.experiments), max(float(e.time[-1]) for e in problem.experiments)
+    return min(e.step for e in problem.experiments), problem.seconds
 
 
 def _begun(problem: Problem, best: Evaluation, groups: Groups, count: int, place: float) -> dict[str, float]:

@@ -305,12 +305,12 @@ def between_samples(
         gain = 0.0 if there.residuals is None else gain_over(Rival(other, there, "", {}), problem, best)[1]
         moves = np.abs(there.point - x) / np.array([half_width(known, x, i) or math.inf for i in range(len(x))])
         most = int(np.argmax(moves))
-        lower = gain < -STRONG and all(left.noise for left in leftovers(other, there.point).values())
-        if lower:
+        if gain < -STRONG and all(left.noise for left in leftovers(other, there.point).values()):
             found.append(SAYS.finding("between", name, -gain, STRONG, between=between, best=best, there=there))
         elif there.residuals is not None and abs(gain) <= STRONG and moves[most] > QUIET and unsure:
-            notes.append(Note(SAYS("either", name=name, between=between, of=problem.unknowns[most],
-                                   value=float(there.point[most])), "either", name))  # fmt: skip
+            of = problem.unknowns[most]
+            value = f"{there.point[most]:.4g} {of.unit}".rstrip()
+            notes.append(Note(SAYS("either", name=name, between=between, of=of, value=value), "either", name))
         else:
             continue
         known = known.wider(problem.space, x, np.where(moves > QUIET, there.point - x, 0.0))

@@ -265,8 +265,7 @@ def _minimum_of(
     if near is not None:
         far = near.evaluation.cost * (1 + COARSE) < other.cost(x)  # there its derivatives are others
         there = settled(other, x, jobs=jobs) if far else beside(replace(near, problem=other), x)
-        if isinstance(there, Linearised):
-            return there.evaluation, there.tangent
+        there = there.tangent if isinstance(there, Linearised) else there
         if isinstance(there, Tangent):
             return there.evaluation, there
     point = nearly_equal_minimum(problem, x, other, jobs)
@@ -296,7 +295,6 @@ def _complaint(method: str, check: Discretisation) -> str:
 
 def coarse_step(problem: Problem, check: Discretisation) -> Iterator[Finding]:
     """The discretisation check as a finding."""
-    if not check.warning:
-        return
-    change = 100 * abs(check.cost_half_step / check.cost - 1) if check.cost > 0 else np.inf
-    yield SAYS.finding(COARSE_STEP, "", change, 100 * COARSE, method=problem.method, warning=check.warning)
+    if check.warning:
+        change = 100 * abs(check.cost_half_step / check.cost - 1) if check.cost > 0 else np.inf
+        yield SAYS.finding(COARSE_STEP, "", change, 100 * COARSE, method=problem.method, warning=check.warning)

@@ -38,7 +38,7 @@ def misfits(
     hidden : function
         Of a recording: what to type for states that no output shows.
     """
-    again = "; another start may do better, type --multi-start 16" if starts == 1 else ""
+    again = SAYS("again") if starts == 1 else ""
     for r in recordings.values():
         for output, percent in r.fit_percent.items():
             if percent < POOR:
@@ -47,7 +47,7 @@ def misfits(
                                    hidden=hidden(r.name))  # fmt: skip
                 continue
             left = left_over(r.standardised(output), r.measured[output], known=output in r.deviations)
-            cause = SAYS("coloured" if f"{r.name}, {letter(output)}" in coloured else "lacks")
+            cause = SAYS("coloured" if f"{r.name}, {letter(output)}" in coloured else "lacks") + again
             if left.known and not left.explained:
                 yield SAYS.finding("misfit-of-known", f"{r.name}: {output}", left.rms, 1.0, cause=cause)
             elif not left.known and MISFIT < left.times < math.inf and not left.white:
