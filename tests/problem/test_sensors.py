@@ -215,7 +215,8 @@ BOTH = replace(PENDULUM, outputs={"alpha": 0, "rate": 1}, output_units={"rate": 
 
 def of(signals, outputs, **options):
     units = {n: {"alpha": "rad", "rate": "rad/s"}[n] for n in signals}
-    e = Experiment.of(Recording.of("twin", T, signals, units), BOTH, outputs, {"alpha": 0.8})
+    time = T[: len(next(iter(signals.values())))]
+    e = Experiment.of(Recording.of("twin", time, signals, units), BOTH, outputs, {"alpha": 0.8})
     return Problem(BOTH, (e,), {"mu": 1.0}, {"damping": Free(0.3, 0.0, 2.0), "stiffness": Free(30.0, 10.0, 90.0)},
                    outputs=tuple(outputs), initial_state="held", substeps=4, **options)  # fmt: skip
 
@@ -233,6 +234,19 @@ def test_an_output_that_is_measured_now_and_then_counts_by_its_own_samples(weigh
     assert p.cost(p.start) == pytest.approx(likely if weights == "noise" else mean, rel=1e-9)
     rows = p.residuals(p.start)
     assert rows @ rows == pytest.approx(2 * p.cost(p.start) ** 2, rel=1e-6)
+
+
+@pytest.mark.parametrize("cost", ["rmse", "iae"])
+def test_an_output_without_a_sample_in_the_first_part_of_a_record_weighs_nothing_there(cost):
+    alpha, rate = assayed()
+    late = of({"alpha": alpha, "rate": np.where(T > 1.0, rate, np.nan)}, ["alpha", "rate"], weights="noise",
+              cost_function=COSTS[cost])  # fmt: skip
+    begins = replace(late, experiments=(late.experiments[0].part(0, 100),))
+    alone = of({"alpha": alpha[:100]}, ["alpha"], weights="noise", cost_function=COSTS[cost])
+    errors = begins.errors(begins.start)
+    assert begins.cost(begins.start) == pytest.approx(alone.criterion.cost(alone.start, [errors[0][:, :1]]))
+    assert np.all(np.isfinite(begins.residuals(begins.start)))
+    assert np.all(late.until(0.1).experiments[0].scored.any(axis=0))
 
 
 def test_blanks_of_an_output_leave_the_fit_of_the_rows_that_it_has():

@@ -263,12 +263,11 @@ class Experiment(CardDisplay):
         return float(np.count_nonzero(self.scored) / self.measured.shape[1])
 
     def until(self, horizon: float) -> Experiment:
-        """Keep the first `horizon` seconds, those that are not scored beside them."""
-        within = round(horizon / self.step) + 1 if self.times is None else np.count_nonzero(self.times <= horizon)
-        n = max(3, int(within))
+        """Keep the first `horizon` seconds, those that are not scored beside them; more until each output has one."""
+        n = round(horizon / self.step) + 1 if self.times is None else int(np.count_nonzero(self.times <= horizon))
         counted = np.cumsum(np.any(self.scored, axis=1))
-        n = int(np.searchsorted(counted, min(n, counted[-1]))) + 1
-        return self.part(0, min(len(self.measured), n))
+        last = np.searchsorted(counted, min(max(3, n), counted[-1]))
+        return self.part(0, 1 + max(int(last), *np.argmax(self.scored, axis=0).tolist()))
 
     def part(self, first: int, end: int) -> Experiment:
         """Some of its samples, and the inputs on a grid that begins with the first of them."""
