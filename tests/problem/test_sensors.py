@@ -265,6 +265,14 @@ def test_blanks_of_an_output_leave_the_fit_of_the_rows_that_it_has():
         fracid.bootstrap(blank, fits[0].x)
 
 
+def test_a_held_out_output_that_is_measured_now_and_then_is_missed_by_its_own_samples():
+    alpha, rate = assayed()
+    p = of({"alpha": alpha, "rate": rate}, ["alpha", "rate"])
+    slow = Recording.of("slow", T, {"alpha": alpha, "rate": rate + 0.12 * np.sin(T)}, {"alpha": "rad", "rate": "rad/s"})
+    held_out = Experiment.of(slow, BOTH, ["alpha", "rate"], {"alpha": 0.8, "rate": 0.0})  # off by twice the noise
+    assert "missed" not in [f.code for f in fracid.identify(p, validation=[held_out]).findings]
+
+
 def test_a_horizon_is_counted_in_samples_that_are_scored():
     e = problem(swing(T), Sensor(delay=0.05), mask=((0.0, 1.0),)).experiments[0]
     assert e.until(0.5).samples == 101
