@@ -265,6 +265,17 @@ def test_blanks_of_an_output_leave_the_fit_of_the_rows_that_it_has():
         fracid.bootstrap(blank, fits[0].x)
 
 
+def test_one_sample_of_an_output_is_scored_and_none_is_refused():
+    alpha, rate = assayed()
+    single = np.where(T == T[600], rate, np.nan)
+    p = of({"alpha": alpha, "rate": single}, ["alpha", "rate"])
+    few = replace(p, experiments=(p.experiments[0].part(0, 5),))  # as a window is, of 2.5 samples of an output
+    assert [np.count_nonzero(q.experiments[0].scored, axis=0).tolist() for q in (p, few)] == [[SAMPLES, 1], [5, 0]]
+    recording = Recording.of("twin", T, {"alpha": alpha, "rate": single}, {"alpha": "rad", "rate": "rad/s"})
+    with pytest.raises(InputError, match="twin: rate has no sample beside masks, blanks and delays: leave 'rate' out"):
+        Experiment.of(recording, BOTH, ["alpha", "rate"], mask=[(T[550], T[650])])
+
+
 def test_a_held_out_output_that_is_measured_now_and_then_is_missed_by_its_own_samples():
     alpha, rate = assayed()
     p = of({"alpha": alpha, "rate": rate}, ["alpha", "rate"])

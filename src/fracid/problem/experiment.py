@@ -176,10 +176,14 @@ class Experiment(CardDisplay):
             options["times"] = recording.time - recording.time[0]
             step, inputs = _on_the_grid(recording, model, options["times"], inputs)
         inputs = _with_rates(recording, model, step, inputs, options=options)
-        return cls(
+        found = cls(
             recording.name, step, measured, inputs, start=float(recording.time[0]), sha256=recording.sha256,
             initial=initial or {}, **past, units={n: units.get(n, "rad") for n in outputs}, **options,
         )  # fmt: skip
+        for name, own in zip(outputs, found.scored.T, strict=True):
+            if not own.any() and found.samples:
+                raise InputError(SAYS("no-sample", of=recording, name=name))
+        return found
 
     @cached_property
     def time(self) -> FloatArray:
