@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 import fracid
 from fracid import Experiment, Free, InputError, Problem, Recording, Sensor
 from fracid.estimation.horizons import horizons
-from fracid.estimation.windows import in_windows
+from fracid.estimation.windows import chosen_window, in_windows
 from fracid.problem.costs import COSTS
 from fracid.solver.inputs import low_passed
 
@@ -267,13 +267,26 @@ def test_blanks_of_an_output_leave_the_fit_of_the_rows_that_it_has():
 
 def test_one_sample_of_an_output_is_scored_and_none_is_refused():
     alpha, rate = assayed()
-    single = np.where(T == T[600], rate, np.nan)
+    single = np.where(T[600] == T, rate, np.nan)
     p = of({"alpha": alpha, "rate": single}, ["alpha", "rate"])
     few = replace(p, experiments=(p.experiments[0].part(0, 5),))  # as a window is, of 2.5 samples of an output
     assert [np.count_nonzero(q.experiments[0].scored, axis=0).tolist() for q in (p, few)] == [[SAMPLES, 1], [5, 0]]
     recording = Recording.of("twin", T, {"alpha": alpha, "rate": single}, {"alpha": "rad", "rate": "rad/s"})
     with pytest.raises(InputError, match="twin: rate has no sample beside masks, blanks and delays: leave 'rate' out"):
         Experiment.of(recording, BOTH, ["alpha", "rate"], mask=[(T[550], T[650])])
+
+
+def test_an_output_that_is_measured_now_and_then_is_no_start_of_a_window_and_no_past():
+    alpha, rate = assayed()
+    p = of({"alpha": alpha, "rate": rate}, ["alpha", "rate"], windows=3.0)
+    e = replace(p.experiments[0], initial={})
+    assert chosen_window(replace(p, experiments=(replace(e, blanks=()),))) == 3.0
+    with pytest.raises(InputError, match="measured now and then"):
+        chosen_window(replace(p, experiments=(e,)))
+    signals, units = {"alpha": alpha, "rate": rate}, {"alpha": "rad", "rate": "rad/s"}
+    before, after = Recording.of("twin", T, signals, units).bridge_blanks(["rate"]).split(3.0)
+    with pytest.raises(InputError, match="rate is blank in 95 % of what came before"):
+        Experiment.of(after, BOTH, ["alpha", "rate"], before=before)
 
 
 def test_a_held_out_output_that_is_measured_now_and_then_is_missed_by_its_own_samples():

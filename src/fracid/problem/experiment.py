@@ -26,6 +26,7 @@ from fracid.problem.sensors import Sensor
 from fracid.problem.unknowns import Free
 from fracid.recording import Recording
 from fracid.recording.channel import UNITS
+from fracid.recording.report import BLANK
 from fracid.safety.kinds import refuse_other_kinds
 from fracid.signals.swing import common_period, motion_start
 from fracid.solver.inputs import Between
@@ -162,6 +163,9 @@ class Experiment(CardDisplay):
             past = dict(zip(("past", "past_inputs"), _columns(before, model, outputs), strict=True))
             if step is None:
                 raise InputError(f"{recording.name}: a past needs a uniform grid; resample it first (resample = true).")
+            for name in outputs:
+                if (part := np.mean(within(before.time, before.blanks.get(name, ())))) > BLANK:
+                    raise InputError(SAYS("past-blank", recording=recording, name=name, percent=100 * part))
             if before.step is None or abs(recording.time[0] - before.time[-1] - step) > 1e-3 * step:
                 raise InputError(SAYS("past-off-grid", recording=recording))
         measured, inputs = _columns(recording, model, outputs)
@@ -265,6 +269,11 @@ class Experiment(CardDisplay):
     def samples(self) -> float:
         """How many samples of an output count, of all on average."""
         return float(np.count_nonzero(self.scored) / self.measured.shape[1])
+
+    @property
+    def sparse(self) -> bool:
+        """Whether an output is blank in more of the rows than those that are bridged: it is measured now and then."""
+        return any(np.mean(within(self.start + self.time, blank)) > BLANK for blank in self.blanks)
 
     def until(self, horizon: float) -> Experiment:
         """Keep the first `horizon` seconds, those that are not scored beside them; more until each output has one."""
