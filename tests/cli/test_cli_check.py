@@ -108,12 +108,21 @@ def test_from_and_to_cut_a_part_out(capsys, swing):
     assert json.loads(out)["clock"]["duration"] == pytest.approx(2, abs=0.05)
 
 
+def test_a_signal_that_is_measured_now_and_then_may_be_an_output(capsys, tmp_path):
+    time = np.arange(200)
+    rows = [f"{t},{np.sin(t / 9):.4f},{np.cos(t / 9) if t % 20 == 0 else ''}" for t in time]
+    (tmp_path / "assays.csv").write_text("\n".join(["t,T [K],c [1]", *rows]))
+    code, out, _ = run(capsys, "check", tmp_path / "assays.csv")
+    assert "c [1] misses 190 samples, at most 19 in a row (95 %): as an output it is scored where it has samples" in out
+    assert (code, "usable: 200 samples" in out) == (0, True)
+
+
 def test_an_unfit_recording_is_shown_and_exits_3(capsys, tmp_path):
     file = tmp_path / "holes.csv"
     file.write_text("t,alpha\n0,1\n1,\n2,3\n3,5\n")
     code, out, _ = run(capsys, "check", file)
     assert code == 3
-    assert "unfit: alpha misses 1 sample at 1 s (and 1 more)\n" in out
+    assert "unfit: 4 samples are too few to identify a model from: record 50 or more\n" in out
     code, out, _ = run(capsys, "check", file, "--json", "--out", tmp_path)
     assert code == 3
     assert json.loads(out)["level"] == "unfit"

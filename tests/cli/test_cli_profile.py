@@ -120,6 +120,17 @@ def test_several_recordings_are_fitted_alone_too_and_a_disagreement_is_said(caps
 
 
 @pytest.mark.broad
+def test_a_run_with_an_output_that_is_measured_now_and_then_is_profiled_without_a_bootstrap(capsys, folder, tmp_path):
+    table = np.loadtxt(folder / "swing.csv", delimiter=",", skiprows=1)
+    table[np.arange(len(table)) % 10 > 0, 1] = np.nan
+    np.savetxt(tmp_path / "swing.csv", table, delimiter=",", header="time,theta,alpha", comments="")
+    (tmp_path / "rig.toml").write_text(PROJECT, encoding="utf-8")
+    code, _, _ = run(capsys, "profile", tmp_path / "rig.toml", "--parameter", "mu", "--points", 4, "--out", tmp_path)
+    record = json.loads((tmp_path / "profiles.json").read_text(encoding="utf-8"))
+    assert (code, "measured less often" in record["bootstrap"]) == (0, True)
+
+
+@pytest.mark.broad
 def test_what_cannot_be_told_is_said_below_the_table(capsys, folder, tmp_path):
     write_twin(tmp_path / "swing.csv")
     (tmp_path / "arm.toml").write_text('[model]\nrig = "stepper-freeswing"\n' + PROJECT, encoding="utf-8")

@@ -228,6 +228,12 @@ def test_degenerate_residuals_are_drawn_and_named(residual, said, tmp_path):
     save(figure, tmp_path, "odd", ("png",))
 
 
+def test_residuals_of_outputs_that_take_turns_are_drawn():
+    even = np.arange(400) % 2 == 0
+    turns = twin(400, scored={"theta": even, "alpha": ~even})
+    assert "RMSE" in words(residual_plots(turns, "alpha", resolution=STEPS))
+
+
 def test_an_unknown_output_is_refused_with_those_there_are():
     with pytest.raises(InputError, match="unknown output of twin 'beta'"):
         residual_plots(twin(10), "beta")

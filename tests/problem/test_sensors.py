@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 import fracid
 from fracid import Experiment, Free, InputError, Problem, Recording, Sensor
 from fracid.estimation.horizons import horizons
-from fracid.estimation.windows import in_windows
+from fracid.estimation.windows import chosen_window, in_windows
 from fracid.problem.costs import COSTS
 from fracid.solver.inputs import low_passed
 
@@ -215,7 +215,8 @@ BOTH = replace(PENDULUM, outputs={"alpha": 0, "rate": 1}, output_units={"rate": 
 
 def of(signals, outputs, **options):
     units = {n: {"alpha": "rad", "rate": "rad/s"}[n] for n in signals}
-    e = Experiment.of(Recording.of("twin", T, signals, units), BOTH, outputs, {"alpha": 0.8})
+    time = T[: len(next(iter(signals.values())))]
+    e = Experiment.of(Recording.of("twin", time, signals, units), BOTH, outputs, {"alpha": 0.8})
     return Problem(BOTH, (e,), {"mu": 1.0}, {"damping": Free(0.3, 0.0, 2.0), "stiffness": Free(30.0, 10.0, 90.0)},
                    outputs=tuple(outputs), initial_state="held", substeps=4, **options)  # fmt: skip
 
@@ -235,6 +236,19 @@ def test_an_output_that_is_measured_now_and_then_counts_by_its_own_samples(weigh
     assert rows @ rows == pytest.approx(2 * p.cost(p.start) ** 2, rel=1e-6)
 
 
+@pytest.mark.parametrize("cost", ["rmse", "iae"])
+def test_an_output_without_a_sample_in_the_first_part_of_a_record_weighs_nothing_there(cost):
+    alpha, rate = assayed()
+    late = of({"alpha": alpha, "rate": np.where(T > 1.0, rate, np.nan)}, ["alpha", "rate"], weights="noise",
+              cost_function=COSTS[cost])  # fmt: skip
+    begins = replace(late, experiments=(late.experiments[0].part(0, 100),))
+    alone = of({"alpha": alpha[:100]}, ["alpha"], weights="noise", cost_function=COSTS[cost])
+    errors = begins.errors(begins.start)
+    assert begins.cost(begins.start) == pytest.approx(alone.criterion.cost(alone.start, [errors[0][:, :1]]))
+    assert np.all(np.isfinite(begins.residuals(begins.start)))
+    assert np.all(late.until(0.1).experiments[0].scored.any(axis=0))
+
+
 def test_blanks_of_an_output_leave_the_fit_of_the_rows_that_it_has():
     _, rate = assayed()
     blank, own = of({"rate": rate}, ["rate"]), ~np.isnan(rate)
@@ -249,6 +263,38 @@ def test_blanks_of_an_output_leave_the_fit_of_the_rows_that_it_has():
     assert analyses[0].whiteness.p_value == pytest.approx(analyses[1].whiteness.p_value, abs=0.02)
     with pytest.raises(InputError, match="measured less often"):
         fracid.bootstrap(blank, fits[0].x)
+
+
+def test_one_sample_of_an_output_is_scored_and_none_is_refused():
+    alpha, rate = assayed()
+    single = np.where(T[600] == T, rate, np.nan)
+    p = of({"alpha": alpha, "rate": single}, ["alpha", "rate"])
+    few = replace(p, experiments=(p.experiments[0].part(0, 5),))  # as a window is, of 2.5 samples of an output
+    assert [np.count_nonzero(q.experiments[0].scored, axis=0).tolist() for q in (p, few)] == [[SAMPLES, 1], [5, 0]]
+    recording = Recording.of("twin", T, {"alpha": alpha, "rate": single}, {"alpha": "rad", "rate": "rad/s"})
+    with pytest.raises(InputError, match="twin: rate has no sample beside masks, blanks and delays: leave 'rate' out"):
+        Experiment.of(recording, BOTH, ["alpha", "rate"], mask=[(T[550], T[650])])
+
+
+def test_an_output_that_is_measured_now_and_then_is_no_start_of_a_window_and_no_past():
+    alpha, rate = assayed()
+    p = of({"alpha": alpha, "rate": rate}, ["alpha", "rate"], windows=3.0)
+    e = replace(p.experiments[0], initial={})
+    assert chosen_window(replace(p, experiments=(replace(e, blanks=()),))) == 3.0
+    with pytest.raises(InputError, match="measured now and then"):
+        chosen_window(replace(p, experiments=(e,)))
+    signals, units = {"alpha": alpha, "rate": rate}, {"alpha": "rad", "rate": "rad/s"}
+    before, after = Recording.of("twin", T, signals, units).bridge_blanks(["rate"]).split(3.0)
+    with pytest.raises(InputError, match="rate is blank in 95 % of what came before"):
+        Experiment.of(after, BOTH, ["alpha", "rate"], before=before)
+
+
+def test_a_held_out_output_that_is_measured_now_and_then_is_missed_by_its_own_samples():
+    alpha, rate = assayed()
+    p = of({"alpha": alpha, "rate": rate}, ["alpha", "rate"])
+    slow = Recording.of("slow", T, {"alpha": alpha, "rate": rate + 0.12 * np.sin(T)}, {"alpha": "rad", "rate": "rad/s"})
+    held_out = Experiment.of(slow, BOTH, ["alpha", "rate"], {"alpha": 0.8, "rate": 0.0})  # off by twice the noise
+    assert "missed" not in [f.code for f in fracid.identify(p, validation=[held_out]).findings]
 
 
 def test_a_horizon_is_counted_in_samples_that_are_scored():

@@ -39,6 +39,14 @@ def test_another_start_is_advised_of_a_misfit_where_one_was_searched():
     assert "--multi-start" not in many[0]
 
 
+def test_a_misfit_of_an_output_that_is_measured_now_and_then_is_said_with_its_size():
+    [(name, r)] = beside(0.97).items()
+    fitted = np.where(TIME == 0.0, r.measured["alpha"], r.fitted["alpha"])  # its first sample alone has no residual
+    own = replace(r, fitted={"alpha": fitted}, scored={"alpha": np.arange(TIME.size) % 20 == 0})
+    [said] = misfits({name: own}, 1)
+    assert said.number == pytest.approx(np.std(0.03 * SWING) / (STEP / np.sqrt(12)), rel=0.1)
+
+
 @pytest.mark.parametrize("factor", [1.0, 0.999])
 def test_rounding_is_no_misfit(factor):
     assert not list(misfits(beside(factor), 1))

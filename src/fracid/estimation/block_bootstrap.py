@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from fracid.arrays import FloatArray, spacing
+from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
 from fracid.errors import Failure, InputError, at_least
 from fracid.estimation.covariance import METHODS, at_bound, residual_bandwidth, sandwich
@@ -122,7 +122,7 @@ def bootstrap(
         raise InputError(f"The cost {problem.cost_function.name} is a user's own, of unknown loss: no bootstrap of it.")
     require_free(problem.names)
     at_least("draws", draws, 2)
-    if any(spacing(own) > 1 for scored in problem.scored for own in scored.T):
+    if any(e.sparse for e in problem.experiments):
         raise InputError("An output is measured less often than others: no bootstrap of it; use the fit's intervals.")
     errors = problem.errors(x)
     if isinstance(errors, Failure):

@@ -8,7 +8,7 @@ many recordings with unknowns of their own, without its zeros.  With weights w a
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import chain, starmap
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -150,7 +150,7 @@ def row_weights(problem: Problem, errors: list[FloatArray]) -> list[FloatArray]:
         parts = [[r[own] for r, own in zip(e.T, of.scored.T, strict=True)] for of, e in pairs]
         own = map(np.concatenate, zip(*parts, strict=True))
         signals = zip(own, whole.in_deviations(whole.measured).T, strict=True)
-        found += [np.array([*starmap(curvature, signals)])] * len(parts)
+        found += [np.array([curvature(e, y) if e.size else 0.0 for e, y in signals])] * len(parts)
     return [np.sqrt(c * w) for c, w in zip(found, problem.criterion.sample_weights(errors), strict=True)]
 
 

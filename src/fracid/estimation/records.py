@@ -22,6 +22,7 @@ from fracid.errors import Failure
 from fracid.figures import Style, draw
 from fracid.recording.measures import PENDULUM
 from fracid.safety.schema import Ends, Number, Record, Unknown
+from fracid.signals.left_over import LeftOver, left_over
 from fracid.signals.resolution import resolution
 from fracid.units import shown_unit, typeset_unit
 
@@ -209,16 +210,21 @@ class RecordingFit:
     def _own(self, output: str) -> BoolArray:
         return self.scored.get(output, np.ones(len(self.time), bool))
 
-    def at(self, rows: slice | BoolArray) -> RecordingFit:
-        """Some of its samples."""
-        lines = ("measured", "fitted", "deviations", "scored")
-        some: dict[str, Any] = {line: {n: y[rows] for n, y in getattr(self, line).items()} for line in lines}
+    def at(self, rows: slice | BoolArray, *outputs: str) -> RecordingFit:
+        """Some of its samples, of all outputs or of some."""
+        lines, names = ("measured", "fitted", "deviations", "scored"), outputs or self.measured
+        some: dict[str, Any] = {k: {n: y[rows] for n, y in getattr(self, k).items() if n in names} for k in lines}
         return replace(self, time=self.time[rows], **some)
 
     def of(self, output: str) -> RecordingFit:
-        """The samples that an output has which is measured now and then; of any other all."""
+        """The samples that an output has which is measured now and then, and it alone; of any other all."""
         own = self._own(output)
-        return self if spacing(own) == 1 else replace(self.at(own), uneven=True)
+        return self if spacing(own) == 1 else replace(self.at(own, output), uneven=True)
+
+    def left_over(self, output: str) -> LeftOver:
+        """What is left over of an output, of the samples that it has: its size and correlation."""
+        own = self.of(output)
+        return left_over(own.standardised(output), own.measured[output], known=output in self.deviations)
 
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """Measured and fitted over time, the residual below; see :func:`fracid.plots.fitted_over_time`.

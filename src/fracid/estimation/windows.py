@@ -280,7 +280,8 @@ def prediction_of(problem: Problem, x: FloatArray, window: float) -> Prediction:
 
 def can_be_windowed(problem: Problem) -> bool:
     """Whether its recordings can be fitted in windows: whether what a window begins with is measured."""
-    plain = all(e.times is None and e.source is None and e.past is None and not e.initial for e in problem.experiments)
+    plain = all(e.times is None and e.source is None and e.past is None and not (e.initial or e.sparse)
+                for e in problem.experiments)  # fmt: skip
     return problem.cost_function.loss is not None and problem.told >= {*problem.model.states} and plain
 
 

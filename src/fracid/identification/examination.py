@@ -35,7 +35,7 @@ from typing import Any
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.errors import Failure, FailureReason
 from fracid.estimation.agreement import Spread, spread
 from fracid.estimation.climbing import embedded
@@ -449,10 +449,9 @@ class Examination:
         problem = self.at.problem
         errors = problem.errors(self.at.x)
         if not isinstance(errors, Failure):
-            raw = [e.in_units(r) for e, r in zip(problem.experiments, errors, strict=True)]
-            outputs = enumerate(problem.outputs)
-            rms = {n: max(float(np.sqrt(np.mean(e[:, k] ** 2))) for e in raw) for k, n in outputs}
-            yield from missed(self.validated, rms)
+            squares = [np.sum(e.in_units(r) ** 2, axis=0) / np.maximum(np.count_nonzero(e.scored, axis=0), 1)
+                       for e, r in zip(problem.experiments, errors, strict=True)]  # fmt: skip
+            yield from missed(self.validated, by_name(problem.outputs, np.sqrt(np.max(squares, axis=0))))
 
     def from_nested(self) -> Evaluation | None:
         """A lower minimum by way of the integer-order model that is nested in the fit, or of its alternative; or None.

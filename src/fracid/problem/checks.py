@@ -175,8 +175,8 @@ def _check_sensors(p: Parametrisation, e: Experiment) -> None:
                 if abs(delay) >= e.time[-1]:
                     raise InputError(SAYS("late-delay", e=e, name=name, delay=delay, end=e.time[-1]))
     refuse_unknown(f"input of {e.name} with between", p.model.inputs, *e.between)
-    if e.samples < 3:
-        raise InputError(SAYS("few-scored", e=e, samples=len(e.measured)))
+    if (count := np.count_nonzero(np.any(e.scored, axis=1))) < 3:
+        raise InputError(SAYS("few-scored", e=e, count=count, samples=len(e.measured)))
     free = {name for s in (e.sensors, e.actuators) for c, sensor in s.items() for name in sensor.free(c)}
     for name in p.per_recording:
         quantity, _, channel = name.partition("_")

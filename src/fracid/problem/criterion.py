@@ -80,7 +80,7 @@ class Criterion:
         """The cost alone."""
         cost = self._joined(errors)
         if self.weights == "noise" and math.isfinite(cost):
-            cost = self._levels(errors)[0] * (1 if self.cost_function.root else len(self.outputs))
+            cost = self._levels(errors)[0] * (1 if self.cost_function.root else np.sum(self._parts))
         return cost * self._prior_factor(x)
 
     # --- recordings --------------------------------------------------------------------------------
@@ -135,16 +135,19 @@ class Criterion:
         return by_name(self.outputs, np.sqrt(squares / whole))
 
     def _levels(self, errors: list[FloatArray]) -> tuple[float, FloatArray]:
-        """G, and C_o of each output alone, at least that of its encoder's rounding, shape (n_outputs,)."""
+        """G, and C_o of each output alone, at least that of its encoder's rounding, shape (n_outputs,).
+
+        Of an output without a sample, as in the first part of a record, C_o is any number: it counts for nothing.
+        """
         costs = [self._joined([r[:, [o]] for r in errors], slice(o, o + 1)) for o in range(len(self.outputs))]
         levels = np.asarray(np.hypot(costs, self._floor) if self.cost_function.root else costs + self._floor)
         return float(np.exp(np.average(np.log(levels), weights=self._parts))), levels
 
     @cached_property
     def _parts(self) -> FloatArray:
-        """As how much the level of each output counts: by its samples, and of integrals 1, shape (n_outputs,)."""
-        samples = self._samples.sum(axis=0) if self.cost_function.per_sample else np.ones(len(self.outputs))
-        return samples / np.mean(samples)
+        """As how much the level of each output counts: by its samples, and of integrals 1; 0 where it has none."""
+        samples = self._samples.sum(axis=0)
+        return samples / np.mean(samples) if self.cost_function.per_sample else np.where(samples > 0.0, 1.0, 0.0)
 
     @cached_property
     def _floor(self) -> FloatArray:
@@ -152,8 +155,9 @@ class Criterion:
         outputs = range(len(self.outputs))
         steps = [max(resolution(e.in_deviations(e.measured)[:, o]) or 0.0 for e in self.experiments) for o in outputs]
         rounding = np.maximum(np.array(steps) / math.sqrt(12.0), FINEST)
-        return np.array([self._joined([np.full((len(e.measured), 1), r) for e in self.experiments], slice(o, o + 1))
-                         for o, r in enumerate(rounding)])  # fmt: skip
+        floors = [self._joined([np.full((len(e.measured), 1), r) for e in self.experiments], slice(o, o + 1))
+                  for o, r in enumerate(rounding)]  # fmt: skip
+        return np.where(self._parts > 0.0, floors, rounding)
 
     # --- rows --------------------------------------------------------------------------------------
 

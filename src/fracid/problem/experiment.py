@@ -26,6 +26,7 @@ from fracid.problem.sensors import Sensor
 from fracid.problem.unknowns import Free
 from fracid.recording import Recording
 from fracid.recording.channel import UNITS
+from fracid.recording.report import BLANK
 from fracid.safety.kinds import refuse_other_kinds
 from fracid.signals.swing import common_period, motion_start
 from fracid.solver.inputs import Between
@@ -162,6 +163,9 @@ class Experiment(CardDisplay):
             past = dict(zip(("past", "past_inputs"), _columns(before, model, outputs), strict=True))
             if step is None:
                 raise InputError(f"{recording.name}: a past needs a uniform grid; resample it first (resample = true).")
+            for name in outputs:
+                if (part := np.mean(within(before.time, before.blanks.get(name, ())))) > BLANK:
+                    raise InputError(SAYS("past-blank", recording=recording, name=name, percent=100 * part))
             if before.step is None or abs(recording.time[0] - before.time[-1] - step) > 1e-3 * step:
                 raise InputError(SAYS("past-off-grid", recording=recording))
         measured, inputs = _columns(recording, model, outputs)
@@ -176,10 +180,14 @@ class Experiment(CardDisplay):
             options["times"] = recording.time - recording.time[0]
             step, inputs = _on_the_grid(recording, model, options["times"], inputs)
         inputs = _with_rates(recording, model, step, inputs, options=options)
-        return cls(
+        found = cls(
             recording.name, step, measured, inputs, start=float(recording.time[0]), sha256=recording.sha256,
             initial=initial or {}, **past, units={n: units.get(n, "rad") for n in outputs}, **options,
         )  # fmt: skip
+        for name, own in zip(outputs, found.scored.T, strict=True):
+            if not own.any() and found.samples:
+                raise InputError(SAYS("no-sample", of=recording, name=name))
+        return found
 
     @cached_property
     def time(self) -> FloatArray:
@@ -262,13 +270,17 @@ class Experiment(CardDisplay):
         """How many samples of an output count, of all on average."""
         return float(np.count_nonzero(self.scored) / self.measured.shape[1])
 
+    @property
+    def sparse(self) -> bool:
+        """Whether an output is blank in more of the rows than those that are bridged: it is measured now and then."""
+        return any(np.mean(within(self.start + self.time, blank)) > BLANK for blank in self.blanks)
+
     def until(self, horizon: float) -> Experiment:
-        """Keep the first `horizon` seconds, those that are not scored beside them."""
-        within = round(horizon / self.step) + 1 if self.times is None else np.count_nonzero(self.times <= horizon)
-        n = max(3, int(within))
+        """Keep the first `horizon` seconds, those that are not scored beside them; more until each output has one."""
+        n = round(horizon / self.step) + 1 if self.times is None else int(np.count_nonzero(self.times <= horizon))
         counted = np.cumsum(np.any(self.scored, axis=1))
-        n = int(np.searchsorted(counted, min(n, counted[-1]))) + 1
-        return self.part(0, min(len(self.measured), n))
+        last = np.searchsorted(counted, min(max(3, n), counted[-1]))
+        return self.part(0, 1 + max(int(last), *np.argmax(self.scored, axis=0).tolist()))
 
     def part(self, first: int, end: int) -> Experiment:
         """Some of its samples, and the inputs on a grid that begins with the first of them."""

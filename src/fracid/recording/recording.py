@@ -222,10 +222,9 @@ class Recording(CardDisplay):
         """
         missing = {n: blank for n, x in self.signals.items() if (blank := ~np.isfinite(x)).any()}
         many, none = {n for n in outputs if n in missing and not missing[n].all()}, np.zeros(len(self.time), bool)
-        required = replace(self.report, signals=tuple(s for s in self.report.signals if s.name not in many))
         lost = np.any([none, *(blank for n, blank in missing.items() if n not in many)], axis=0)
         lost |= bool(many) & np.all([missing.get(n, none) for n in outputs if n in self.signals], axis=0)
-        if required.faults or not missing or lost.all():
+        if replace(self.report, outputs=tuple(many)).faults or not missing or lost.all():
             return self
         first, last = np.flatnonzero(~lost)[[0, -1]]
         part = slice(first, last + 1)

@@ -103,11 +103,13 @@ class Report:
     """What may be wrong with unit, range and sampling of the signals (:mod:`fracid.recording.faults`)."""
     uneven: bool = False
     """Whether its samples are meant to lie unevenly: gaps and jitter are then no faults."""
+    outputs: tuple[str, ...] = ()
+    """Signals that may miss any samples but all, as a model's outputs may."""
 
     @property
     def faults(self) -> tuple[str, ...]:
         """Why the recording cannot be used as it is, with what to do."""
-        missing = (_missing_fault(s) for s in self.signals if s.missing and not bridgeable(s, self.clock))
+        missing = (_missing_fault(s, self.clock) for s in self.signals if s.missing and not self._bridged(s))
         return tuple([*_clock_faults(self.clock, self.uneven), *missing])
 
     @property
@@ -124,8 +126,11 @@ class Report:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What stands against it without making it useless."""
-        blanks = (_blanks(s, self.clock) for s in self.signals if s.missing and bridgeable(s, self.clock))
+        blanks = (_blanks(s, self.clock) for s in self.signals if s.missing and self._bridged(s))
         return (*_clock_warnings(self.clock, self.uneven), *blanks, *map(str, self.findings))
+
+    def _bridged(self, s: SignalReport) -> bool:
+        return bridgeable(s, self.clock) or (s.name in self.outputs and len(s.missing) < self.clock.samples)
 
     @property
     def level(self) -> str:
@@ -170,6 +175,8 @@ class Report:
     def of_model(self, inputs: Collection[str]) -> Report:
         """Leave out what is no fault of a model's inputs: they do not move as what has inertia, and nobody lets go.
 
+        Nor what is none of its outputs, which may be measured now and then.
+
         Examples
         --------
         >>> t = np.arange(2000) / 100
@@ -181,7 +188,9 @@ class Report:
         spared = {(code, n) for code in OF_MOTION for n in inputs}
         if any(s.range > 0 and s.name in inputs for s in self.signals):
             spared.add(("short-window", ""))
-        return replace(self, findings=tuple(f for f in self.findings if (f.code, f.where) not in spared))
+        outputs = tuple(s.name for s in self.signals if s.name not in inputs and s.unit not in COMMANDS)
+        findings = tuple(f for f in self.findings if (f.code, f.where) not in spared)
+        return replace(self, findings=findings, outputs=outputs)
 
     def rows(self) -> list[tuple[str, str]]:
         """Return (what, value) pairs for a table.
@@ -363,16 +372,18 @@ def _clock_warnings(c: Clock, uneven: bool) -> Iterable[str]:
         yield SAYS("jitters", percent=100 * c.worst_jitter)
 
 
-def _missing_fault(s: SignalReport) -> str:
+def _missing_fault(s: SignalReport, c: Clock) -> str:
     where = f"at {s.missing[0]:.6g} s" if len(s.missing) == 1 else f"from {s.missing[0]:.6g} to {s.missing[-1]:.6g} s"
-    return SAYS("at-end", signal=shortened(s.name), count=len(s.missing), s="s" * (len(s.missing) > 1), where=where)
+    return SAYS("at-end" if len(s.missing) < c.samples else "empty", signal=shortened(s.name), count=len(s.missing),
+                s="s" * (len(s.missing) > 1), where=where)  # fmt: skip
 
 
 def _blanks(s: SignalReport, c: Clock) -> str:
     count, row = len(s.missing), longest_row(s, c)
     number = f"1 sample at {s.missing[0]:.6g} s" if count == 1 else f"{count} samples, at most {row} in a row"
     it = "it" if count == 1 else "them"
-    return SAYS("missing", signal=shortened(s.name), number=number, percent=100 * count / c.samples, it=it)
+    return SAYS("missing" if bridgeable(s, c) else "sparse", signal=shortened(s.name), number=number,
+                percent=100 * count / c.samples, it=it)  # fmt: skip
 
 
 def longest_row(s: SignalReport, clock: Clock) -> int:

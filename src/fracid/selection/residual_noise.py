@@ -16,7 +16,7 @@ from fracid.estimation.records import RecordingFit, fit_of
 from fracid.problem import Problem
 from fracid.signals.coloured import is_coloured_noise
 from fracid.signals.correlation import longest_stretch
-from fracid.signals.left_over import LeftOver, left_over
+from fracid.signals.left_over import LeftOver
 from fracid.units import letter
 
 FINER = 2
@@ -52,10 +52,8 @@ def leftovers(problem: Problem, x: FloatArray) -> dict[str, LeftOver]:
 
 def _left_over(r: RecordingFit, output: str, inputs: FloatArray, unknowns: Callable[[], FloatArray]) -> LeftOver:
     """Of one output: what counts of it, in standard deviations where these are known."""
-    percent, own = r.fit_percent[output], r.of(output)
-    residual = own.standardised(output)
-    left = left_over(residual, own.measured[output], known=output in r.deviations)
-    if not left.explained and own is r:
+    percent, left, residual = r.fit_percent[output], r.left_over(output), r.standardised(output)
+    if not left.explained and r.of(output) is r:
         at, simulated = longest_stretch(np.isfinite(residual)), np.column_stack([*r.fitted.values()])
         motion = np.hstack([simulated, inputs]) if len(inputs) == len(simulated) else simulated
         left = replace(left, coloured=is_coloured_noise(residual[at], motion[at], lambda: unknowns()[at]))

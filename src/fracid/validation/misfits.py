@@ -8,7 +8,6 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from fracid.estimation.records import RecordingFit
 from fracid.findings import Finding, Words
 from fracid.selection.doubts import POOR
-from fracid.signals.left_over import left_over
 from fracid.units import letter, plain, with_unit
 from fracid.validation.residual_sentences import words_of
 
@@ -46,7 +45,7 @@ def misfits(
                 yield SAYS.finding("cannot-explain", r.name, percent, POOR, worse=worse, output=output, again=again,
                                    hidden=hidden(r.name))  # fmt: skip
                 continue
-            left = left_over(r.standardised(output), r.measured[output], known=output in r.deviations)
+            left = r.left_over(output)
             cause = SAYS("coloured" if f"{r.name}, {letter(output)}" in coloured else "lacks") + again
             if left.known and not left.explained:
                 yield SAYS.finding("misfit-of-known", f"{r.name}: {output}", left.rms, 1.0, cause=cause)
@@ -68,7 +67,7 @@ def missed(validated: Mapping[str, RecordingFit], fitted: Mapping[str, float]) -
     for r in validated.values():
         for output, percent in r.fit_percent.items():
             times = r.rmse[output] / max(fitted.get(output, 0.0), 1e-300)
-            left = left_over(r.standardised(output), r.measured[output], known=output in r.deviations)
+            left = r.left_over(output)
             if percent < POOR:
                 yield SAYS.finding("missed", f"{r.name}: {output}", percent, POOR)
             elif times > WORSE and not left.explained:
