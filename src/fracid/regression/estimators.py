@@ -10,8 +10,8 @@ from typing import Literal
 
 import numpy as np
 
-from fracid.arrays import FloatArray
-from fracid.regression.rows import Blocks, Pair, Rows, System
+from fracid.arrays import FloatArray, Pair
+from fracid.regression.rows import Blocks, Rows, System
 from fracid.signals.correlation import bartlett_long_run
 
 Estimator = Literal["ols", "huber", "tukey", "tls", "iv"]

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, get_args
 import numpy as np
 from pydantic import Field
 
-from fracid.arrays import FloatArray, by_name
+from fracid.arrays import ByName, FloatArray, by_name
 from fracid.cards import Card, CardDisplay, brief, estimate_text, listed
 from fracid.errors import InputError, refuse_unknown
 from fracid.models import Model
@@ -340,9 +340,7 @@ class Asked:
         return doubted(regression, bool(intervals) and any(s.in_motion for s in swings), estimator)
 
 
-def _at(
-    data: Data, gauge: Gauge, orders: Mapping[str, float], estimator: str, spread: FloatArray, **how: Any
-) -> Regression:
+def _at(data: Data, gauge: Gauge, orders: ByName, estimator: str, spread: FloatArray, **how: Any) -> Regression:
     """Regress at given orders; `how` they and the filters were found is told with it."""
     system = data.system(orders)
     warnings: list[str] = [SAYS("clamped", r=r) for r in data.rows if not r.swing.arm]
@@ -382,14 +380,12 @@ def _at(
 
 
 def estimated(
-    system: System, gauge: Gauge, scales: FloatArray, v: FloatArray, weights: FloatArray,
-    parameters: Mapping[str, Constant], **others: Any,
-) -> Regression:  # fmt: skip
+    system: System, gauge: Gauge, scales: FloatArray, v: FloatArray, weights: FloatArray, **others: Any
+) -> Regression:
     """The record of an estimate, with what it leaves in the rows."""
     A, beta = stack(system.W, scales)[:, gauge.free], gauge.beta(v)
     parts = np.split(weights, np.cumsum([len(W) for W in system.W])[:-1])
     return Regression(
-        parameters=parameters,
         residuals={n: W @ beta for n, W in zip(system.equations, system.W, strict=True)},
         weights=dict(zip(system.equations, parts, strict=True)), fit_percent=fit_percents(system, beta),
         condition_number=float(np.linalg.cond(A / np.linalg.norm(A, axis=0))), samples=len(weights), **others,
