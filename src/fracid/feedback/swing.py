@@ -87,7 +87,7 @@ def swings(up: LinearModel, model: Model, parameters: FloatArray, c: Conditions)
         own = int(np.abs(up.F[row]).argmax())
         lift /= float(up.G[own, channel])
         omega, needs = _held_still(up, row, channel, grows), _needs(model, parameters, up, c, rows=(place, rate, own))
-    reach = min(c.most - c.at_rest, c.at_rest - c.least) * float(abs(up.G[rate, channel] / up.F[rate, place]))
+    reach = c.authority * float(abs(up.G[rate, channel] / up.F[rate, place]))
     centred = CENTRED * omega if arm else 0.0
     swing = Swing(
         output=model.pendulum, arm=arm, omega=omega, grows=grows, lift=(0.0, lift) if arm else (lift, 0.0),
