@@ -22,6 +22,9 @@ BoolArray = NDArray[np.bool_]
 Signals = Mapping[str, FloatArray]
 """Name → samples, shape (n_samples,)."""
 
+Pair = tuple[FloatArray, FloatArray]
+"""Two that belong together, such as something of an arm and of its pendulum."""
+
 Name = TypeVar("Name")
 
 ByName = Mapping[str, float]

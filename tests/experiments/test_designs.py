@@ -144,7 +144,7 @@ def test_what_exceeds_a_limit_is_excluded():
 @pytest.mark.broad
 def test_a_set_against_integer_orders_is_furthest_from_its_nearest_alternative():
     subject = subject_of(RIG, SPACE, free=FREE, orders=ORDERS)
-    rigs = orders_alone(subject, SPACE.candidates, 2)
+    rigs = orders_alone(subject, SPACE.candidates, 2, of=())
     chosen = rigs.chosen(2)
     told = {pair: sum(math.log1p(d**2) for d in rigs.nearest(pair).values())
             for pair in combinations_with_replacement(rigs.allowed, 2)}  # fmt: skip

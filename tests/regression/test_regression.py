@@ -12,7 +12,7 @@ from fracid.errors import InputError
 from fracid.problem import Experiment, Free, Problem
 from fracid.recording import Recording, load_recording
 from fracid.regression import LUMPED, TERMS, regress, start_values
-from fracid.regression.estimators import Gauge, solve
+from fracid.regression.estimators import Gauge, Scaled, solve
 from fracid.regression.rows import from_rest, swing_of, terms_of
 from recordings import FOLDER, needs
 from twins import states
@@ -209,7 +209,7 @@ def test_an_m_estimate_is_that_of_statsmodels(estimator):
     y = W @ [1.0, 2.0, 3.0] + rng.standard_t(2, 400)
     y[:20] += 40.0
     system, gauge = SimpleNamespace(W=(np.column_stack([W, -y]), np.empty((0, 4)))), Gauge((0, 1, 2), np.eye(4)[3])
-    found, weights = solve(estimator, system, gauge, np.ones(2), None)
+    found, weights = solve(estimator, Scaled(system, gauge, np.ones(2)))
     expected = RLM(y, W, M=HuberT()).fit(tol=1e-12, maxiter=500)
     if estimator == "tukey":
         expected = RLM(y, W, M=TukeyBiweight()).fit(tol=1e-12, maxiter=500, start_params=expected.params)
@@ -222,14 +222,14 @@ def test_instruments_that_do_not_move_identify_nothing_and_warn_of_nothing():
     system, gauge = SimpleNamespace(W=(np.column_stack([W, -W[:, 0]]), np.empty((0, 3)))), Gauge((0, 1), np.eye(3)[2])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        still = solve("iv", system, gauge, np.ones(2), instruments=(np.zeros((40, 3)), np.empty((0, 3))))[0]
+        still = solve("iv", Scaled(system, gauge, np.ones(2)), (np.zeros((40, 3)), np.empty((0, 3))))[0]
     assert still.tolist() == [0.0, 0.0]
 
 
 def test_rows_without_noise_need_no_weights():
     W = np.random.default_rng(5).normal(size=(40, 2))
     system, gauge = SimpleNamespace(W=(np.column_stack([W, -W[:, 0]]), np.empty((0, 3)))), Gauge((0, 1), np.eye(3)[2])
-    assert solve("tukey", system, gauge, np.ones(2), None)[0] == pytest.approx([1.0, 0.0], abs=1e-12)
+    assert solve("tukey", Scaled(system, gauge, np.ones(2)))[0] == pytest.approx([1.0, 0.0], abs=1e-12)
 
 
 # --- inputs that are held, and gaps -----------------------------------------------------------------------

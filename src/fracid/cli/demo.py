@@ -42,15 +42,12 @@ def demo(how: How) -> None:
     folder = how.out or default_folder("demo")
     console = new_console(file=sys.stderr if how.json_ else sys.stdout)
     results = {}
+    show = partial(_show, console=console)
     console.print("The recordings of this demo are [bold]simulated[/bold] (λ = 0.8623, μ = 0.9146).")
     for part in STORY:
         project = Path(str(files("fracid") / "twins" / f"{part['twin']}-twin.toml"))
         console.print(f"\n[bold]{part['headline']}[/bold]", soft_wrap=True)
-        with (
-            beginning(),
-            shown("recording", events=how.json_, result=partial(_show, console=console)) as observer,
-            drawer(how.jobs) as draws,
-        ):
+        with beginning(), shown("recording", events=how.json_, result=show) as observer, drawer(how.jobs) as draws:
             with importing():
                 from fracid.workflows.fit import run  # here: it takes a second to import
 

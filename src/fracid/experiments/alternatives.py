@@ -153,9 +153,7 @@ class OrdersAlone:
         return {order: min(table.distances(chosen).values()) for order, table in self.of.items()}
 
 
-def orders_alone(
-    subject: Subject, candidates: Sequence[Candidate], count: int, *, of: Sequence[str] = ()
-) -> OrdersAlone:
+def orders_alone(subject: Subject, candidates: Sequence[Candidate], count: int, *, of: Sequence[str]) -> OrdersAlone:
     """Linearise the integer-order alternatives of each candidate, twice: about a first fit, and about the chosen set's.
 
     Parameters
@@ -179,7 +177,7 @@ def orders_alone(
     >>> from fracid.experiments.choice import subject_of
     >>> space = fracid.DesignSpace(release=(10, 45, 90), seconds=4, rate=100)
     >>> subject = subject_of(fracid.rotary_pendulum("qube-servo2"), space, orders={"mu": 0.95})
-    >>> table = orders_alone(subject, space.candidates, 1).of["mu"]
+    >>> table = orders_alone(subject, space.candidates, 1, of=()).of["mu"]
     >>> next(iter(table.columns)), table.parts[0].shape
     ('friction', (3,))
     """

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fracid.arrays import FloatArray, by_name
+from fracid.arrays import ByName, FloatArray, by_name
 from fracid.errors import Failure, InputError, at_least, refuse_unknown
 from fracid.estimation.derivatives import jacobian
 from fracid.estimation.parameter_verdicts import widest
@@ -150,9 +150,8 @@ def design(
 
 
 def subject_of(
-    source: Source, space: DesignSpace, *, free: Sequence[str] = (), orders: Mapping[str, float] | None = None,
-    jobs: int = 1,
-) -> Subject:  # fmt: skip
+    source: Source, space: DesignSpace, *, free: Sequence[str] = (), orders: ByName | None = None, jobs: int = 1
+) -> Subject:
     """What a design is about, from whatever is there.
 
     Raises

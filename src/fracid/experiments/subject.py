@@ -24,7 +24,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import ByName, FloatArray
 from fracid.errors import Failure, InputError, refuse_unknown
 from fracid.estimation.covariance import Uncertainty, uncertainty
 from fracid.estimation.derivatives import differences
@@ -325,9 +325,7 @@ def subject_of_problem(
     )  # fmt: skip
 
 
-def subject_of_model(
-    model: Model, space: DesignSpace, *, free: Sequence[str] = (), orders: Mapping[str, float] | None = None
-) -> Subject:
+def subject_of_model(model: Model, space: DesignSpace, *, free: Sequence[str], orders: ByName | None) -> Subject:
     """What a rig's constants alone say, before any recording.
 
     Parameters

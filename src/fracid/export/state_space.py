@@ -45,7 +45,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fracid.arrays import FloatArray, by_name
+from fracid.arrays import FloatArray, Pair, by_name
 from fracid.errors import InputError, installed
 from fracid.export.recursion import Case
 from fracid.figures import Style, draw
@@ -180,9 +180,7 @@ def positive_sum(order: float, band: tuple[float, float], within: tuple[float, f
     raise InputError(f"1/s^{order:.6g} is no sum of {MOST_POLES} lags from {low:.3g} to {high:.3g} rad/s.")
 
 
-def _fitted(
-    order: float, band: tuple[float, float], poles: FloatArray, within: tuple[float, float]
-) -> tuple[FloatArray, FloatArray]:
+def _fitted(order: float, band: tuple[float, float], poles: FloatArray, within: tuple[float, float]) -> Pair:
     """Poles, 0 among them, and residues of s^−order: relative errors as large, for their bounds, in size and angle."""
     from scipy.optimize import nnls
 

@@ -8,6 +8,8 @@ e held.  At a limit the states are those of an e that would not have met it (Han
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from fracid.export.state_space import positive_sum
@@ -19,9 +21,8 @@ FILTER = 2.0
 
 
 def pid(
-    gains: tuple[float, float, float], orders: tuple[float, float], period: float, place: int, outputs: int,
-    kind: str = "PID",
-) -> Controller:  # fmt: skip
+    gains: Sequence[float], orders: Sequence[float], period: float, place: int, outputs: int, kind: str = "PID"
+) -> Controller:
     """A controller of one of some outputs.
 
     Examples

@@ -16,7 +16,6 @@ times that of the controller at :math:`e^{iωT}`.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -24,7 +23,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 from scipy.optimize import least_squares
 
-from fracid.arrays import FloatArray
+from fracid.arrays import ByName, FloatArray
 from fracid.errors import InputError, refuse_unknown
 from fracid.export.state_space import LinearModel, moving, posture
 from fracid.findings import Words
@@ -68,9 +67,7 @@ class Posture:
     """u_e, shape (n_inputs,)."""
 
 
-def posture_of(
-    model: Model, parameters: FloatArray, name: str, at: Mapping[str, float], channel: int, most: float = 1.0
-) -> Posture:
+def posture_of(model: Model, parameters: FloatArray, name: str, at: ByName, channel: int, most: float = 1.0) -> Posture:
     """Where a model rests with outputs at given values, and the others where that takes them.
 
     A pendulum's other outputs are at rest, and all of them at 0 where none is given.  `most` is the whole input.

@@ -12,6 +12,7 @@ acceleration per input; :data:`SURE` of it is trusted.
 from __future__ import annotations
 
 import math
+import tomllib
 from dataclasses import replace
 from typing import Any
 
@@ -21,6 +22,7 @@ from scipy.optimize import brentq
 from fracid.arrays import FloatArray
 from fracid.export.state_space import LinearModel
 from fracid.models import Model
+from fracid.safety.door import own_text
 from fracid.schemas.feedback import Conditions, Controller, Swing
 from fracid.solver.closed_loop import Law, Pump
 
@@ -46,10 +48,7 @@ SPREAD = 200
 """Points at which the right-hand side is asked what a pivot's acceleration takes."""
 
 
-ONLY_HOLDS = Swing(
-    output="", omega=1.0, grows=1.0, lift=(0.0, 0.0), pump=0.0, energy=0.0, sharp=0.0, catch=math.inf, reach=math.inf,
-    release=math.inf, keep=0.0, stiffness=0.0, damping=0.0, needs=(0.0,) * 8, begins=[],
-)  # fmt: skip
+ONLY_HOLDS = Swing(**tomllib.loads(own_text("feedback/only-holds.toml")))
 """Of a controller whose catch is everywhere."""
 
 
@@ -88,7 +87,7 @@ def swings(up: LinearModel, model: Model, parameters: FloatArray, c: Conditions)
         own = int(np.abs(up.F[row]).argmax())
         lift /= float(up.G[own, channel])
         omega, needs = _held_still(up, row, channel, grows), _needs(model, parameters, up, c, rows=(place, rate, own))
-    reach = min(c.most - c.at_rest, c.at_rest - c.least) * float(abs(up.G[rate, channel] / up.F[rate, place]))
+    reach = c.authority * float(abs(up.G[rate, channel] / up.F[rate, place]))
     centred = CENTRED * omega if arm else 0.0
     swing = Swing(
         output=model.pendulum, arm=arm, omega=omega, grows=grows, lift=(0.0, lift) if arm else (lift, 0.0),

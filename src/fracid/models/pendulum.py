@@ -76,7 +76,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fracid.arrays import FloatArray, by_name
+from fracid.arrays import FloatArray, Pair, Signals, by_name
 from fracid.errors import InputError, refuse_unknown
 from fracid.models.base import SAYS, LinearTerms, Model, Parameter
 from fracid.models.library import model_of_table, table_of
@@ -193,9 +193,8 @@ def _lumped(overrides: Mapping[str, float]) -> dict[str, float]:
 
 
 def _columns(
-    model: Model, theta: FloatArray, alpha: FloatArray, arm_rates: tuple[FloatArray, FloatArray],
-    rates: tuple[FloatArray, FloatArray], drive: FloatArray | None,
-) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:  # fmt: skip
+    model: Model, theta: FloatArray, alpha: FloatArray, arm_rates: Pair, rates: Pair, drive: FloatArray | None
+) -> tuple[Signals, Signals]:
     """What each constant is multiplied with in (9) and (10), the sum of which is 0."""
     p = by_name(model.parameter_names, model.parameter_vector())
     (x2, arm_acceleration), (x4, acceleration) = arm_rates, rates

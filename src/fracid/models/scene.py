@@ -31,7 +31,7 @@ from typing import Any
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import ByName, FloatArray
 from fracid.errors import InputError
 from fracid.models.written.formulas import Formula, formula
 from fracid.models.written.tree import Assign, Entry, Expression, Number, Program, parts
@@ -83,7 +83,7 @@ class Scene:
         """The program, to be called; written anew each time it would take longer than what it says."""
         return Formula(self.program)
 
-    def at(self, values: Mapping[str, float], parameters: Sequence[float]) -> FloatArray:
+    def at(self, values: ByName, parameters: Sequence[float]) -> FloatArray:
         """Where the bodies begin and end, shape (n_bodies, 2, dimension); an output that is missing is 0.
 
         NaN where the constants give no finite place.
@@ -107,7 +107,7 @@ class Scene:
         return {b.name: {"shape": b.shape, "from": start, "to": end, "width": b.width}
                 for b, start, end in zip(self.bodies, points[::2], points[1::2], strict=True)}  # fmt: skip
 
-    def drawn(self, values: Mapping[str, float], parameters: Sequence[float]) -> list[tuple[Body, FloatArray]]:
+    def drawn(self, values: ByName, parameters: Sequence[float]) -> list[tuple[Body, FloatArray]]:
         """The bodies with their outlines on paper, the farthest first."""
         places, depth = on_paper(self.at(values, parameters))
         behind = np.argsort(-depth.mean(axis=1), kind="stable")
@@ -115,9 +115,8 @@ class Scene:
 
 
 def scene_of(
-    rows: Mapping[str, Mapping[str, Any]], outputs: Iterable[str], parameters: Iterable[str],
-    numbers: Mapping[str, float],
-) -> Scene | None:  # fmt: skip
+    rows: Mapping[str, Mapping[str, Any]], outputs: Iterable[str], parameters: Iterable[str], numbers: ByName
+) -> Scene | None:
     """Read the bodies of ``[model.scene]``; None where there is none.
 
     Raises

@@ -22,6 +22,7 @@ import math
 import queue
 import threading
 import time
+import tomllib
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -38,7 +39,7 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray, by_name
 from fracid.arrowhead import Blocks
 from fracid.errors import InputError, at_least, is_number, writing
-from fracid.safety.door import appended
+from fracid.safety.door import appended, own_text
 from fracid.safety.json_files import REACH, json_number, object_of
 from fracid.tasks.job import closing
 from fracid.tasks.journal import append_whole, whole_lines
@@ -147,6 +148,9 @@ class Evaluation:
             return self.cost
         return float(self.residuals @ self.residuals)
 
+
+TITLES: dict[str, str] = tomllib.loads(own_text("optimise/titles.toml"))
+"""Of the optimisers of this folder: what each is, and when to take it."""
 
 Optimiser = Generator[FloatArray, list[Evaluation], Outcome]
 """Yields points of shape (k, n), is sent their k evaluations, returns how it ended."""

@@ -49,7 +49,7 @@ from typing import Any
 
 import numpy as np
 
-from fracid.arrays import BoolArray, FloatArray
+from fracid.arrays import BoolArray, ByName, FloatArray
 from fracid.errors import InputError
 from fracid.findings import Words, with_code
 from fracid.models import RIGS, Model, rotary_pendulum
@@ -165,9 +165,7 @@ class Source:
         """What stands in the file."""
         return read_table(self.file, self.variable)
 
-    def text(
-        self, template: str, recordings: Sequence[tuple[Recording, Mapping[str, float], Columns]], **values: Any
-    ) -> str:
+    def text(self, template: str, recordings: Sequence[tuple[Recording, ByName, Columns]], **values: Any) -> str:
         """A project file from its template; recordings with the constants that each knows for itself, and columns."""
         from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -508,7 +506,7 @@ class _PendulumPage:
     """Slip speeds of dry friction [rad/s] between which it is sought: nobody has measured it, and intervals depend on
     it."""
 
-    def __init__(self, recording: Recording, rig: str, window: Mapping[str, Any], starts: Mapping[str, float]) -> None:
+    def __init__(self, recording: Recording, rig: str, window: Mapping[str, Any], starts: ByName) -> None:
         self.recording, self.rig, self.window, self.starts = recording, rig, window, starts
         self.model = rotary_pendulum(rig)
         self.own = {p.name: p.value for p in self.model.parameters}

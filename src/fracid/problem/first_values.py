@@ -22,7 +22,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from fracid.arrays import FloatArray, Signals
+from fracid.arrays import ByName, FloatArray, Signals
 from fracid.models import Model
 from fracid.models.joints import Complement
 from fracid.models.written.equations import NONE, dimension
@@ -163,9 +163,7 @@ def along(f: Callable[..., None], x: FloatArray, u: FloatArray, p: FloatArray) -
     return rates
 
 
-def _in_size(
-    equations: _Equations, values: Mapping[str, float], free: Sequence[str], by: str = "each"
-) -> dict[str, float]:
+def _in_size(equations: _Equations, values: ByName, free: Sequence[str], by: str = "each") -> dict[str, float]:
     """Constants in the size of the recording's rig, by powers of ten: of all as a unit has it, of each, of all but one.
 
     In another unit of mass, length or time all ratios stay as the library's rig has them; an order counts as a half in
@@ -202,9 +200,7 @@ def _is_lower(cost: float, other: float) -> bool:
 class _Equations:
     """The residuals of the equations at some samples of a recording."""
 
-    def __init__(
-        self, model: Model, step: float, signals: Signals, starts: Mapping[str, float], order: float
-    ) -> None:  # fmt: skip
+    def __init__(self, model: Model, step: float, signals: Signals, starts: ByName, order: float) -> None:
         from scipy.ndimage import gaussian_filter1d
         from scipy.signal import fftconvolve
 
@@ -224,15 +220,13 @@ class _Equations:
             return rate if r == 0 else fftconvolve(rate, gl_weights(-r, len(x)))[: len(x)] * step**r
 
         n = len(next(iter(signals.values())))
-        x, self.slopes, known = np.zeros((n, len(model.states))), dict[int, FloatArray](), set[int]()
+        x, self.slopes = np.zeros((n, len(model.states))), dict[int, FloatArray]()
         for name, i in measured.items():
             x[:, i], rate = smooth(signals[name]), model.rates.get(i)
-            known.add(i)
             if rate is None:
                 self.slopes[i] = slope(signals[name], i)
             else:
                 x[:, rate], self.slopes[rate] = slope(signals[name], i), slope(signals[name], i, rate)
-                known.add(rate)
         u = np.zeros((n, max(1, len(model.inputs))))
         raw = not measured  # outputs are compared as they were recorded
         for i, name in enumerate(model.inputs):
@@ -243,7 +237,7 @@ class _Equations:
             else:
                 u[:, i] = model.input_defaults.get(name, 0.0)
         edge = 0 if raw else min(int(np.ceil(4 * width)), n // 4)
-        self.simulated = [i for i in range(len(model.states)) if i not in known]
+        self.simulated = [i for i in range(len(model.states)) if i not in {*measured.values(), *self.slopes}]
         every = max(1, (n - 2 * edge) // (STEPS if self.simulated else SAMPLES))
         self.at = np.arange(edge, n - edge, every)
         self.step, self.x, self.u = every * step, x[self.at], u[self.at]
@@ -252,7 +246,7 @@ class _Equations:
                                             if name in signals and not isinstance(h, int)}  # fmt: skip
         self.start = {model.states.index(s): v for s, v in starts.items() if s in model.states}
 
-    def residuals(self, values: Mapping[str, float]) -> FloatArray:
+    def residuals(self, values: ByName) -> FloatArray:
         """In parts of the scatter of what each equation is to explain."""
         rhs, p = self.model.rhs.py_func, self.model.parameter_vector(values)  # type: ignore[attr-defined]
         x = self._with_simulated(rhs, p) if self.simulated else self.x
@@ -267,7 +261,7 @@ class _Equations:
         residuals: FloatArray = np.concatenate(rows) / np.sqrt(sum(map(len, rows)))
         return np.asarray(np.clip(np.nan_to_num(residuals, nan=BEYOND), -BEYOND, BEYOND))
 
-    def cost(self, values: Mapping[str, float]) -> float:
+    def cost(self, values: ByName) -> float:
         """What they leave of the scatter."""
         return float(np.sum(np.square(self.residuals(values))))
 
@@ -288,7 +282,7 @@ class _Equations:
                 break
         return x
 
-    def reach(self, base: Mapping[str, float], names: Sequence[str]) -> dict[str, float]:
+    def reach(self, base: ByName, names: Sequence[str]) -> dict[str, float]:
         """At which value each term alone would explain all; those without a term are left out."""
         here, found = self.residuals(base), {}
         for n in names:
@@ -312,7 +306,7 @@ def _highest(x: FloatArray, step: float) -> float:
     return float(max(high[-1] if high.size else 1, 1)) / (len(x) * step)
 
 
-def _fitted(equations: _Equations, base: Mapping[str, float], names: Sequence[str]) -> tuple[dict[str, float], float]:
+def _fitted(equations: _Equations, base: ByName, names: Sequence[str]) -> tuple[dict[str, float], float]:
     """The constants of least squares, and what is left of the scatter: logarithms of those that are positive."""
     from scipy.optimize import least_squares
 

@@ -32,7 +32,7 @@ from fracid.models.written.tree import Assign, Entry, Number, Operation
 from fracid.problem import Experiment, Problem
 from fracid.problem.first_values import along, smoothing
 from fracid.regression.credibility import SAYS
-from fracid.regression.estimators import Gauge, sandwich, solve
+from fracid.regression.estimators import Gauge, Scaled, sandwich, solve
 from fracid.regression.linear import Regression, SearchedOrder, constants_of, doubted, estimated
 from fracid.regression.rows import System, about_samples, from_rest
 
@@ -174,15 +174,14 @@ def regress_equations(problem: Problem) -> Regression:
         raise InputError(SAYS("not-linear", model=model, names=", ".join(names) or "none is free"))
     longer = [r for e in problem.experiments for r in _rows(problem, e, unknown, STEEPER)]
     index = [places[n] for n in unknown]
-    (system, scales), (again, longer_scales) = (_system(some, index, at) for some in (equations, longer))
-    if not any(np.max(np.abs(W[:, -1])) > 1e-9 * size for W, size in zip(system.W, scales, strict=True)):
+    of, again = (_scaled(some, index, at) for some in (equations, longer))
+    if not any(np.max(np.abs(W[:, -1])) > 1e-9 * size for W, size in zip(of.system.W, of.scales, strict=True)):
         raise InputError(SAYS("no-known-constant", names=", ".join(unknown)))
-    gauge = Gauge(tuple(range(len(unknown))), np.eye(len(unknown) + 1)[-1])
-    v, weights = solve("huber", system, gauge, scales)
-    bias = v - solve("huber", again, gauge, longer_scales)[0]
-    covariance = sandwich(system, gauge, scales, None, v=v, weights=weights, lags=max(map(len, system.W)) // BLOCKS)
+    v, weights = solve("huber", of)
+    bias = v - solve("huber", again)[0]
+    covariance = sandwich(of, None, v, weights, lags=max(map(len, of.system.W)) // BLOCKS)
     units = {n: model.parameter(n).unit for n in unknown}
-    constants = constants_of(units, gauge, v, bias, covariance=covariance, dependent={})
+    constants = constants_of(units, of.gauge, v, bias, covariance=covariance, dependent={})
     errors = np.hypot(np.sqrt(np.diag(covariance)), bias).tolist()
     wider = {n: replace(c, standard_error=e) for (n, c), e in zip(constants.items(), errors, strict=True)}
     note = [f"{', '.join(which)}: {why} {'it' if len(which) == 1 else 'them'}; held at the project's start."
@@ -192,7 +191,7 @@ def regress_equations(problem: Problem) -> Regression:
     first = problem.experiments[0]
     width = smoothing(first.measured, first.step) * first.step
     return doubted(estimated(
-        system, gauge, scales, v, weights=weights, parameters=wider,
+        of, v, weights, parameters=wider,
         searched={n: SearchedOrder(value=v, interval95=None) for n, v in problem.order_starts.items()},
         combinations={}, estimator="huber", noise_ratio=math.nan, noise={}, cutoff=0.13 / width,
         cutoff_reason="a Gaussian window from the spectrum", window=width,
@@ -200,7 +199,7 @@ def regress_equations(problem: Problem) -> Regression:
     ), False, "huber")  # fmt: skip
 
 
-def _system(equations: Sequence[Equation], index: Sequence[int], at: FloatArray) -> tuple[System, FloatArray]:
+def _scaled(equations: Sequence[Equation], index: Sequence[int], at: FloatArray) -> Scaled:
     """W β = 0, what is known in its last column, and the largest term of each equation at the start."""
     zero = at.copy()
     zero[index] = 0.0
@@ -211,4 +210,5 @@ def _system(equations: Sequence[Equation], index: Sequence[int], at: FloatArray)
         parts.setdefault(name, []).append(np.column_stack([*columns, known]))
     W = tuple(map(np.concatenate, parts.values()))
     terms = (np.sqrt(np.mean((rows * np.append(at[index], 1.0)) ** 2, axis=0)) for rows in W)
-    return System(tuple(parts), W), np.array([t.max() for t in terms])
+    gauge = Gauge(tuple(range(len(index))), np.eye(len(index) + 1)[-1])
+    return Scaled(System(tuple(parts), W), gauge, np.array([t.max() for t in terms]))

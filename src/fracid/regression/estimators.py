@@ -6,12 +6,12 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-from fracid.arrays import FloatArray
-from fracid.regression.rows import Blocks, Pair, Rows, System
+from fracid.arrays import FloatArray, Pair
+from fracid.regression.rows import Blocks, Rows, System
 from fracid.signals.correlation import bartlett_long_run
 
 Estimator = Literal["ols", "huber", "tukey", "tls", "iv"]
@@ -41,17 +41,25 @@ class Gauge:
         return np.asarray(self.B @ np.append(v, 1.0))
 
 
+class Scaled(NamedTuple):
+    """The equations with what their rows are divided by, and which of their constants are free."""
+
+    system: System
+    gauge: Gauge
+    scales: FloatArray
+
+
 def stack(blocks: Blocks, scales: FloatArray) -> FloatArray:
     """The rows of all equations, each in units of its own noise."""
     return np.concatenate([W / s for W, s in zip(blocks, scales, strict=True)])
 
 
-def total_least_squares(system: System, gauge: Gauge, scales: FloatArray) -> tuple[FloatArray, float]:
+def total_least_squares(of: Scaled) -> tuple[FloatArray, float]:
     """Minimise |W β|² / βᵀ C β; returns v and that ratio, 1 where noise is all that is left."""
     from scipy.linalg import eigh
 
-    A = stack(system.W, scales) @ gauge.B
-    C = gauge.B.T @ sum(c / s**2 for c, s in zip(system.covariance, scales, strict=True)) @ gauge.B
+    A = stack(of.system.W, of.scales) @ of.gauge.B
+    C = of.gauge.B.T @ sum(c / s**2 for c, s in zip(of.system.covariance, of.scales, strict=True)) @ of.gauge.B
     unit = np.linalg.norm(A, axis=0)
     A, C = A / unit, C / np.outer(unit, unit)
     inverse, vectors = eigh(C, A.T @ A + 1e-14 * np.eye(len(C)))
@@ -59,14 +67,14 @@ def total_least_squares(system: System, gauge: Gauge, scales: FloatArray) -> tup
     return v[:-1] / v[-1], 1.0 / float(inverse[-1])
 
 
-def scaled_by_itself(system: System, gauge: Gauge, own: FloatArray) -> tuple[FloatArray, float, FloatArray]:
-    """Total least squares with the noise of its own estimate in each equation: v, the ratio, and these scales."""
-    near = scales = system.scales(own)
-    v, ratio = gauge.fixed, math.inf
+def scaled_by_itself(system: System, gauge: Gauge, own: FloatArray) -> tuple[FloatArray, float, Scaled]:
+    """Total least squares with the noise of its own estimate in each equation: v, the ratio, and so scaled."""
+    v, ratio, near = gauge.fixed, math.inf, system.scales(own)
+    of = Scaled(system, gauge, near)
     for _ in range(3):
-        v, ratio = total_least_squares(system, gauge, scales)
-        scales = system.scales(gauge.beta(v), near)
-    return v, ratio, scales
+        v, ratio = total_least_squares(of)
+        of = of._replace(scales=system.scales(gauge.beta(v), near))
+    return v, ratio, of
 
 
 def _instrumental(A: FloatArray, y: FloatArray, Z: FloatArray, weights: FloatArray) -> FloatArray:
@@ -100,15 +108,15 @@ def _tukey(z: FloatArray) -> FloatArray:
     return np.asarray(np.maximum(1.0 - (z / 4.685) ** 2, 0.0) ** 2)
 
 
-def solve(estimator: str, system: System, gauge: Gauge, scales: FloatArray, instruments: Blocks | None = None) -> Pair:
+def solve(estimator: str, of: Scaled, instruments: Blocks | None = None) -> Pair:
     """Free constants and the robust weights of the rows."""
-    whole = stack(system.W, scales) @ gauge.B
+    whole = stack(of.system.W, of.scales) @ of.gauge.B
     A, y = whole[:, :-1], -whole[:, -1]
     ones = np.ones(len(y))
     if estimator == "tls":
-        return total_least_squares(system, gauge, scales)[0], ones
+        return total_least_squares(of)[0], ones
     if estimator == "iv" and instruments is not None:
-        return _reweighted(A, y, (stack(instruments, scales) @ gauge.B)[:, :-1], _huber, weights=ones, rounds=5)
+        return _reweighted(A, y, (stack(instruments, of.scales) @ of.gauge.B)[:, :-1], _huber, weights=ones, rounds=5)
     if estimator in ("huber", "tukey"):
         v, weights = _reweighted(A, y, A, _huber, weights=ones)  # Tukey's minimum is one of many: from Huber's
         return (v, weights) if estimator == "huber" else _reweighted(A, y, A, _tukey, weights=weights)
@@ -169,19 +177,16 @@ def overlap(rows: Rows) -> int:
     return math.ceil((rows.window + 2.0 / rows.cutoff) / (rows.step * max(1, len(rows.hann) // 4)))
 
 
-def sandwich(
-    system: System, gauge: Gauge, scales: FloatArray, instruments: Blocks | None, v: FloatArray,
-    weights: FloatArray, lags: int,
-) -> FloatArray:  # fmt: skip
+def sandwich(of: Scaled, instruments: Blocks | None, v: FloatArray, weights: FloatArray, lags: int) -> FloatArray:
     """Covariance of v: (Zᵀw A)⁻¹ Ω (Aᵀw Z)⁻¹, Ω of the scores with Bartlett's weights over neighbouring rows."""
-    whole = stack(system.W, scales) @ gauge.B
+    whole = stack(of.system.W, of.scales) @ of.gauge.B
     A, residual = whole[:, :-1], whole @ np.append(v, 1.0)
-    Z = A if instruments is None else (stack(instruments, scales) @ gauge.B)[:, :-1]
+    Z = A if instruments is None else (stack(instruments, of.scales) @ of.gauge.B)[:, :-1]
     units = np.linalg.norm(A, axis=0)
     A, Z = A / units, Z / np.linalg.norm(Z, axis=0)
     scores = Z * (weights * residual)[:, None]
     omega = np.zeros((A.shape[1], A.shape[1]))
-    for part in np.split(scores, np.cumsum([len(W) for W in system.W])[:-1]):
+    for part in np.split(scores, np.cumsum([len(W) for W in of.system.W])[:-1]):
         omega += bartlett_long_run(part, lags - 1)
     inverse = np.linalg.pinv((Z * weights[:, None]).T @ A)
     return np.asarray(inverse @ omega @ inverse.T / np.outer(units, units))

@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from fracid.arrays import FloatArray, by_name
+from fracid.arrays import ByName, FloatArray, by_name
 from fracid.models.rigs import CLAMPED
-from fracid.regression.estimators import Gauge, solve
-from fracid.regression.rows import Blocks, Data, System, only
+from fracid.regression.estimators import Scaled, solve
+from fracid.regression.rows import Blocks, Data, only
 from fracid.solver.solve import simulate
 
 FIRST_SWINGS = 4.0
@@ -24,44 +24,41 @@ ALIKE = 0.7
 """Correlation of simulated and measured columns below which instruments are too weak."""
 
 
-def instruments_of(
-    data: Data, system: System, gauge: Gauge, scales: FloatArray, orders: Mapping[str, float]
-) -> tuple[Blocks | None, FloatArray]:
+def instruments_of(data: Data, of: Scaled, orders: ByName) -> tuple[Blocks | None, Scaled]:
     """Instruments from the first start that leads to a response like the measured one; None if none does."""
     for start in ("tls", "huber", "model"):
-        v = data.own[list(gauge.free)] if start == "model" else solve(start, system, gauge, scales, instruments=None)[0]
-        instruments, own_scales = _iterated(data, system, gauge, scales, orders=orders, v=v)
+        v = data.own[list(of.gauge.free)] if start == "model" else solve(start, of)[0]
+        instruments, rescaled = _iterated(data, of, orders, v)
         if instruments is None:
             continue
-        if min(_likeness(Z, W) for Z, W in zip(instruments, system.W, strict=True) if len(W)) >= ALIKE:
-            return instruments, own_scales
-    return None, scales
+        if min(_likeness(Z, W) for Z, W in zip(instruments, of.system.W, strict=True) if len(W)) >= ALIKE:
+            return instruments, rescaled
+    return None, of
 
 
-def _iterated(
-    data: Data, system: System, gauge: Gauge, scales: FloatArray, orders: Mapping[str, float], v: FloatArray
-) -> tuple[Blocks | None, FloatArray]:
+def _iterated(data: Data, of: Scaled, orders: ByName, v: FloatArray) -> tuple[Blocks | None, Scaled]:
     """Rows of the simulated response of the estimate, which is found again with them, over ever more swings.
 
     A few swings first: later ones are out of phase until the frequency is right.
     """
-    near = system.scales(data.own)
+    near = of.system.scales(data.own)
     longest = max(float(t.max()) for t in data.times if len(t))
     horizon = FIRST_SWINGS / min(r.swing.frequency for r in data.rows)
     whole: Blocks | None = None
     for _ in range(ROUNDS):
-        simulated = _simulated(data, gauge.beta(v), orders)
+        simulated = _simulated(data, of.gauge.beta(v), orders)
         if simulated is None:
-            return None, scales
+            return None, of
         whole = data.W([simulated], orders)[0]
         keep = (data.times[0] <= horizon, data.times[1] <= horizon)
-        new = solve("iv", replace(system, W=only(system.W, keep)), gauge, scales, instruments=only(whole, keep))[0]
+        few = of._replace(system=replace(of.system, W=only(of.system.W, keep)))
+        new = solve("iv", few, only(whole, keep))[0]
         still = np.allclose(new, v, rtol=1e-4, atol=0.0)
-        v, scales = new, system.scales(gauge.beta(new), near)
+        v, of = new, of._replace(scales=of.system.scales(of.gauge.beta(new), near))
         if still and horizon >= longest:
             break
         horizon = min(1.5 * horizon, longest) if horizon < longest else horizon
-    return whole, scales
+    return whole, of
 
 
 def _likeness(Z: FloatArray, W: FloatArray) -> float:
@@ -71,7 +68,7 @@ def _likeness(Z: FloatArray, W: FloatArray) -> float:
     return float(np.sum(Z * W / unit**2) / math.sqrt(np.sum((Z / unit) ** 2) * np.sum((W / unit) ** 2)))
 
 
-def _simulated(data: Data, beta: FloatArray, orders: Mapping[str, float]) -> list[FloatArray] | None:
+def _simulated(data: Data, beta: FloatArray, orders: ByName) -> list[FloatArray] | None:
     """Low-passed angles of the simulated response of each recording; None where a run diverges."""
     rows, model, values = data.rows, data.model, by_name(data.names, beta)
     friction = {n: max(values[n], 0.0) for n, kind in model.friction.items() if n in values and kind.power is not None}

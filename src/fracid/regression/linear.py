@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, get_args
 import numpy as np
 from pydantic import Field
 
-from fracid.arrays import FloatArray, by_name
+from fracid.arrays import ByName, FloatArray, by_name
 from fracid.cards import Card, CardDisplay, brief, estimate_text, listed
 from fracid.errors import InputError, refuse_unknown
 from fracid.models import Model
@@ -23,6 +23,7 @@ from fracid.regression.estimators import (
     Dependent,
     Estimator,
     Gauge,
+    Scaled,
     base_parameters,
     bias_of,
     fit_percents,
@@ -333,63 +334,57 @@ class Asked:
         intervals: dict[str, tuple[float, float]] = {}
         spread = np.zeros(len(names))
         if any(isinstance(v, Free) for v in orders.values()):
-            intervals, at, spread = search_orders(data, _independent(data.system(at), gauge, data.own)[0], orders)
+            intervals, at, spread = search_orders(data, _independent(data.system(at), gauge, data.own)[0].gauge, orders)
         searched = {n: SearchedOrder(value=v, interval95=intervals.get(n)) for n, v in at.items()}
         how = {"cutoff": hertz, "cutoff_reason": reason, "window": window, "searched": searched}
         regression = _at(data, gauge, at, estimator, spread=spread, **how)
         return doubted(regression, bool(intervals) and any(s.in_motion for s in swings), estimator)
 
 
-def _at(
-    data: Data, gauge: Gauge, orders: Mapping[str, float], estimator: str, spread: FloatArray, **how: Any
-) -> Regression:
+def _at(data: Data, gauge: Gauge, orders: ByName, estimator: str, spread: FloatArray, **how: Any) -> Regression:
     """Regress at given orders; `how` they and the filters were found is told with it."""
-    system = data.system(orders)
     warnings: list[str] = [SAYS("clamped", r=r) for r in data.rows if not r.swing.arm]
     if any(v != 1.0 for v in orders.values()):
         moving = (r for r in data.rows if r.swing.in_motion)
         warnings += [SAYS("starts-in-motion", r=r, speed=r.swing.initial[1][1]) for r in moving]
-    gauge, dependent, scales, ratio = _independent(system, gauge, data.own)
+    of, dependent, ratio = _independent(data.system(orders), gauge, data.own)
     # What is left in the rows is all taken for noise, so that the bias is rather over- than understated.
     data = Data.of(data.rows, math.sqrt(min(max(ratio, 1.0), LOUDEST)))
-    system = data.system(orders)
-    scales = system.scales(gauge.beta(solve("tls", system, gauge, scales)[0]), system.scales(data.own))
+    of = of._replace(system=data.system(orders))
+    of = of._replace(scales=of.system.scales(of.gauge.beta(solve("tls", of)[0]), of.system.scales(data.own)))
     instruments = None
     if estimator == "iv":
-        instruments, scales = instruments_of(data, system, gauge, scales, orders=orders)
+        instruments, of = instruments_of(data, of, orders)
         if instruments is None:
             estimator = "huber"
             warnings.append(SAYS("no-instruments"))
-    v, weights = solve(estimator, system, gauge, scales, instruments=instruments)
-    again = (replace(system, W=W) for W in system.noisy)  # the noise added once more
-    noisier = np.array([solve(estimator, each, gauge, scales, instruments=instruments)[0] for each in again])
-    covariance = sandwich(system, gauge, scales, instruments, v=v, weights=weights, lags=overlap(data.rows[0]))
+    v, weights = solve(estimator, of, instruments)
+    again = (of._replace(system=replace(of.system, W=W)) for W in of.system.noisy)  # the noise added once more
+    noisier = np.array([solve(estimator, each, instruments)[0] for each in again])
+    covariance = sandwich(of, instruments, v, weights, lags=overlap(data.rows[0]))
     # an encoder's rounding repeats with the motion, so that the residuals understate what it does
-    variance = np.maximum(np.diag(covariance), np.var(noisier, axis=0, ddof=1)) + spread[list(gauge.free)] ** 2
+    variance = np.maximum(np.diag(covariance), np.var(noisier, axis=0, ddof=1)) + spread[list(of.gauge.free)] ** 2
     factor = np.sqrt(variance / np.maximum(np.diag(covariance), 1e-300))
     covariance = covariance * np.outer(factor, factor)
     noise = {n: max(float(r.swing.noise[i]) for r in data.rows) for i, n in enumerate(("theta", "alpha"))}
     amplitude = max(0.5 * float(np.ptp(r.swing.angles[:, 1])) for r in data.rows)
     units = {p.name: p.unit for p in data.model.parameters} | {"cable_offset": "N m"}
     own = {n: units[n] for n in data.names}
-    constants = constants_of(own, gauge, v, bias_of(v, noisier), covariance=covariance, dependent=dependent)
+    constants = constants_of(own, of.gauge, v, bias_of(v, noisier), covariance=covariance, dependent=dependent)
     return estimated(
-        system, gauge, scales, v, weights=weights, parameters=constants,
-        combinations=_combinations(data.names, dependent, gauge.beta(v)), estimator=estimator, noise_ratio=ratio,
+        of, v, weights, parameters=constants,
+        combinations=_combinations(data.names, dependent, of.gauge.beta(v)), estimator=estimator, noise_ratio=ratio,
         noise=noise, amplitude=amplitude, belief=belief(amplitude, noise["alpha"], ratio), warnings=tuple(warnings),
         **how,
     )  # fmt: skip
 
 
-def estimated(
-    system: System, gauge: Gauge, scales: FloatArray, v: FloatArray, weights: FloatArray,
-    parameters: Mapping[str, Constant], **others: Any,
-) -> Regression:  # fmt: skip
+def estimated(of: Scaled, v: FloatArray, weights: FloatArray, **others: Any) -> Regression:
     """The record of an estimate, with what it leaves in the rows."""
+    system, gauge, scales = of
     A, beta = stack(system.W, scales)[:, gauge.free], gauge.beta(v)
     parts = np.split(weights, np.cumsum([len(W) for W in system.W])[:-1])
     return Regression(
-        parameters=parameters,
         residuals={n: W @ beta for n, W in zip(system.equations, system.W, strict=True)},
         weights=dict(zip(system.equations, parts, strict=True)), fit_percent=fit_percents(system, beta),
         condition_number=float(np.linalg.cond(A / np.linalg.norm(A, axis=0))), samples=len(weights), **others,
@@ -443,7 +438,7 @@ def _cutoff(swings: Sequence[Swing], cutoff: float | None) -> tuple[float, str]:
     return frequency, SAYS("clipped", where=where, side=side, factor=frequency / swing, swing=swing)
 
 
-def _independent(system: System, gauge: Gauge, own: FloatArray) -> tuple[Gauge, Dependent, FloatArray, float]:
+def _independent(system: System, gauge: Gauge, own: FloatArray) -> tuple[Scaled, Dependent, float]:
     """Take out what cannot be told apart (it keeps the model's value), and find the equations' scales."""
     basic, dependent = base_parameters(system, gauge.free, system.scales(own))
     if not basic:
@@ -451,8 +446,8 @@ def _independent(system: System, gauge: Gauge, own: FloatArray) -> tuple[Gauge, 
     fixed = gauge.fixed.copy()
     fixed[list(dependent)] = own[list(dependent)]
     gauge = Gauge(tuple(basic), fixed)
-    _, ratio, scales = scaled_by_itself(system, gauge, own)
-    return gauge, dependent, scales, ratio
+    _, ratio, of = scaled_by_itself(system, gauge, own)
+    return of, dependent, ratio
 
 
 # --- in words ------------------------------------------------------------------------------------------------

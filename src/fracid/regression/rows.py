@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray, by_name, within
+from fracid.arrays import FloatArray, Pair, by_name, within
 from fracid.errors import InputError
 from fracid.findings import Words
 from fracid.models import Model
@@ -24,9 +24,6 @@ from fracid.signals.resolution import noise_level
 from fracid.solver.operators import derivative
 
 SAYS = Words("regression/rows.toml")
-
-Pair = tuple[FloatArray, FloatArray]
-"""Something for the arm's rows and for the pendulum's."""
 
 Blocks = tuple[FloatArray, ...]
 """Something for the rows of each equation."""

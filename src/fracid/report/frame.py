@@ -20,15 +20,14 @@ DARK = "dark.css"
 
 
 def rendered(
-    template: str, scripts: Sequence[str | Markup], *, more_styles: Sequence[str] = (), images: bool = False,
-    **context: Any,
-) -> str:  # fmt: skip
+    template: str, scripts: Sequence[str | Markup], *, styles: Sequence[str] = (), images: bool = False, **context: Any
+) -> str:
     """A page of a template with its style sheets, its scripts, and the policy that lets these and nothing else act.
 
     A script is the name of a file beside this one, or the text of one.  The policy allows styles and scripts by their
     hashes, with `images` those that the page holds itself, and nothing from anywhere.
     """
-    own, dark = [_own(name) for name in (*STYLES, *more_styles)], _own(DARK)
+    own, dark = [_own(name) for name in (*STYLES, *styles)], _own(DARK)
     texts = [_own(script) for script in scripts]
     allowed = f"style-src {_hashes([*own, dark])}; script-src {_hashes(texts)}{'; img-src data:' * images}"
     policy = f"default-src 'none'; {allowed}; base-uri 'none'; form-action 'none'"

@@ -81,7 +81,7 @@ def open_page_text(table: Mapping[str, Any] | None = None) -> str:
     found = {name: model(name) for name in (ROTARY, *(n for n in MODELS if n != ROTARY))}
     scripts = [Markup(solver()), *SCRIPTS, Markup("\n".join(_written(found))), "open.js"]
     data = {"models": {name: _spec(name, m) for name, m in found.items()}, "units": TABLES, "table": table}
-    return rendered("open.html.j2", scripts, more_styles=("open.css",), title="Open a recording", data=in_script(data),
+    return rendered("open.html.j2", scripts, styles=("open.css",), title="Open a recording", data=in_script(data),
                     explore_reason="", preview=True)  # fmt: skip
 
 

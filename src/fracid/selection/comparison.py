@@ -670,9 +670,8 @@ def _log_evidence(place: _Place, name: str, values: ByName, jobs: int) -> dict[s
 
 
 def _try_alternatives(
-    place: _Place, name: str, values: dict[str, float], half: dict[str, float], others: dict[str, dict[str, float]],
-    watch: Watch, how: dict[str, Any],
-) -> dict[str, Any]:  # fmt: skip
+    place: _Place, name: str, values: ByName, half: ByName, others: Below, watch: Watch, how: dict[str, Any]
+) -> dict[str, Any]:
     """Look for them with so much work at most, which is counted in steps, as beside a fit."""
     problem, x = place.minimum(name, values)
     every = place.fold.ladder.structures

@@ -74,9 +74,7 @@ def is_coloured_noise(e: FloatArray, motion: FloatArray, unknowns: Callable[[], 
     """
     e, motion = e[:LONG] - np.mean(e[:LONG]), motion[:LONG]
     n = len(e)
-    if n < SHORT:
-        return False
-    if n < MANY * correlation_time(autocorrelation(e)):
+    if n < SHORT or n < MANY * correlation_time(autocorrelation(e)):
         return False
     whitening, white = whitening_filter(e)
     if not white:

@@ -211,5 +211,4 @@ def _filtered(left: FloatArray, right: FloatArray, step: float, lowpass: float) 
     new = 1 - rise / r
     enters = np.append(left[0], (rise - new) * left + new * right)
     rows = [np.ones(len(enters)), np.full(len(enters), rise - 1)]  # z_k − e^(−r) z_(k−1)
-    z = solve_banded((1, 0), rows, enters, check_finite=False)
-    return np.asarray(z)
+    return np.asarray(solve_banded((1, 0), rows, enters, check_finite=False))

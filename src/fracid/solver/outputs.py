@@ -6,7 +6,6 @@ def force(t, x, u, p):         # time, states, inputs, parameters; as a right-ha
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numba as nb
@@ -14,10 +13,9 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
+from fracid.models.base import Output
 from fracid.solver.right_hand_side import SAYS, name_of, teach_helpers
 from fracid.solver.same_function import once_for_equals
-
-Output = Callable[[float, FloatArray, FloatArray, FloatArray], float]
 
 
 def output_along(h: Output, times: FloatArray, states: FloatArray, inputs: FloatArray, p: FloatArray) -> FloatArray:

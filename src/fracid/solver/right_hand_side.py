@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import dis
 import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from functools import cache
 from types import CodeType, FunctionType, ModuleType
@@ -28,6 +28,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError, brief
 from fracid.findings import Words
 from fracid.models import joints
+from fracid.models.base import RightHandSide as RightHandSide
 from fracid.solver.compilation import LOOP, RHS_SIGNATURE, kept
 from fracid.solver.same_function import once_for_equals
 
@@ -46,8 +47,6 @@ UNCHECKED = ("flat", "as_strided", "carray", "farray")
 
 UNWRITTEN = -6.02214076e303
 """What `out` holds before the first look: so large that what is added to it leaves it as it is."""
-
-RightHandSide = Callable[[float, FloatArray, FloatArray, FloatArray, FloatArray], None]
 
 
 def compile_rhs(rhs: Any) -> Any:

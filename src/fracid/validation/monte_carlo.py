@@ -429,9 +429,8 @@ def planned(
 
 
 def repetition(
-    twin: Problem, truth: list[float], level: float, resolution: float, seed: tuple[int, int],
-    how: Mapping[str, Any],
-) -> dict[str, Any]:  # fmt: skip
+    twin: Problem, truth: list[float], level: float, resolution: float, seed: tuple[int, int], how: Mapping[str, Any]
+) -> dict[str, Any]:
     """Read the truth with noise, identify it, and tell what was found: the work of one task.
 
     Parameters

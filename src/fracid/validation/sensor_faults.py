@@ -207,9 +207,9 @@ def misreadings(
         residual = e + size * own
         change = -np.linalg.solve(R, Q.T @ (size * z))
         ends = x[free[orders]] + change[orders]
-        if np.any((ends < problem.space.lower[free[orders]]) | (ends > problem.space.upper[free[orders]])):
-            continue  # further than an order can be: no linear step goes there
-        if code == "late" and abs(size) > quarter:
+        # Further than an order can be no linear step goes.
+        far = np.any((ends < problem.space.lower[free[orders]]) | (ends > problem.space.upper[free[orders]]))
+        if far or (code == "late" and abs(size) > quarter):
             continue
         k = max(orders, key=lambda k: abs(change[k]) / half[k], default=None)
         yield Misreading(
