@@ -377,28 +377,23 @@ def _missing_fault(s: SignalReport, c: Clock) -> str:
 
 
 def _blanks(s: SignalReport, c: Clock) -> str:
-    count, row = len(s.missing), longest_row(s, c)
+    count, ends = len(s.missing), np.flatnonzero(np.diff(s.missing) > GAP * c.step)
+    row = np.max(np.diff([-1, *ends, len(s.missing) - 1]))
     number = f"1 sample at {s.missing[0]:.6g} s" if count == 1 else f"{count} samples, at most {row} in a row"
     return SAYS("missing" if bridgeable(s, c) else "sparse", signal=shortened(s.name), number=number,
                 percent=100 * count / c.samples, it="it" if count == 1 else "them")  # fmt: skip
 
 
-def longest_row(s: SignalReport, clock: Clock) -> int:
-    """How many samples a signal misses in a row, at most.
+def bridgeable(s: SignalReport, clock: Clock, outputs: Collection[str] = ()) -> bool:
+    """Whether the samples that a signal misses are few, or it is an output and has some: a fit does without them.
 
     Examples
     --------
     >>> t = np.arange(100.0)
-    >>> r = measure(t, {"alpha": np.where((t == 7) | (t == 8) | (t == 50), np.nan, np.cos(t))}, {"alpha": "rad"})
-    >>> longest_row(r.signals[0], r.clock), bridgeable(r.signals[0], r.clock)
-    (2, True)
+    >>> r = measure(t, {"alpha": np.where(t % 20 > 0, np.nan, np.cos(t))}, {"alpha": "rad"})
+    >>> bridgeable(r.signals[0], r.clock), bridgeable(r.signals[0], r.clock, ["alpha"])
+    (False, True)
     """
-    ends = np.flatnonzero(np.diff(s.missing) > GAP * clock.step)
-    return int(np.max(np.diff([-1, *ends, len(s.missing) - 1])))
-
-
-def bridgeable(s: SignalReport, clock: Clock, outputs: Collection[str] = ()) -> bool:
-    """Whether the samples that a signal misses are few, or it is an output and has some: a fit does without them."""
     ordered = not (clock.duplicated or clock.backward) and clock.step > 0
     few = ordered and len(s.missing) <= BLANK * clock.samples and s.unit not in COMMANDS
     return few or (s.name in outputs and len(s.missing) < clock.samples)
