@@ -261,8 +261,7 @@ def test_blanks_of_an_output_leave_the_fit_of_the_rows_that_it_has():
     analyses = [fracid.residual_analysis(next(iter(fit.recordings.values())), "rate") for fit in fits]
     assert [a.samples for a in analyses] == [61, 61]
     assert analyses[0].whiteness.p_value == pytest.approx(analyses[1].whiteness.p_value, abs=0.02)
-    with pytest.raises(InputError, match="measured less often"):
-        fracid.bootstrap(blank, fits[0].x)
+    assert "measured less often" in str(fracid.bootstrap(blank, fits[0].x))
 
 
 def test_one_sample_of_an_output_is_scored_and_none_is_refused():
@@ -285,8 +284,9 @@ def test_an_output_that_is_measured_now_and_then_is_no_start_of_a_window_and_no_
         chosen_window(replace(p, experiments=(e,)))
     signals, units = {"alpha": alpha, "rate": rate}, {"alpha": "rad", "rate": "rad/s"}
     before, after = Recording.of("twin", T, signals, units).bridge_blanks(["rate"]).split(3.0)
-    with pytest.raises(InputError, match="rate is blank in 95 % of what came before"):
-        Experiment.of(after, BOTH, ["alpha", "rate"], before=before)
+    e = Experiment.of(after, BOTH, ["alpha", "rate"], before=before)
+    with pytest.raises(InputError, match="nor with an output that is measured now and then"):
+        replace(p, experiments=(e,), initial_state="estimate")
 
 
 def test_a_held_out_output_that_is_measured_now_and_then_is_missed_by_its_own_samples():

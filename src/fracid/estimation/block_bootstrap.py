@@ -26,7 +26,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
-from fracid.errors import Failure, InputError, at_least
+from fracid.errors import Failure, FailureReason, InputError, at_least
 from fracid.estimation.covariance import METHODS, at_bound, residual_bandwidth, sandwich
 from fracid.estimation.derivatives import jacobian, loss_of, prior_curvature, scores_of
 from fracid.estimation.likelihood_record import BootstrapBlock
@@ -80,7 +80,7 @@ class Bootstrap(CardDisplay):
 
 def bootstrap(
     problem: Problem, x: FloatArray, *, draws: int = 400, block: int | None = None, seed: int = 1, jobs: int = 1
-) -> Bootstrap:
+) -> Bootstrap | Failure:
     """Draw the unknowns as often as if the experiment had been repeated.
 
     Parameters
@@ -96,6 +96,11 @@ def bootstrap(
         Each draw has its own stream, so that `jobs` changes nothing.
     jobs : int
         Threads.
+
+    Returns
+    -------
+    Bootstrap or Failure
+        None of outputs of which one is measured less often than others.
 
     Raises
     ------
@@ -123,7 +128,7 @@ def bootstrap(
     require_free(problem.names)
     at_least("draws", draws, 2)
     if any(e.sparse for e in problem.experiments):
-        raise InputError("An output is measured less often than others: no bootstrap of it; use the fit's intervals.")
+        return Failure(FailureReason.REFUSED, "an output is measured less often than others: no bootstrap of it")
     errors = problem.errors(x)
     if isinstance(errors, Failure):
         raise InputError(f"There is nothing to draw from: the run at the minimum fails: {errors}.")

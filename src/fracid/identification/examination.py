@@ -35,7 +35,7 @@ from typing import Any
 
 import numpy as np
 
-from fracid.arrays import FloatArray, by_name
+from fracid.arrays import FloatArray
 from fracid.errors import Failure, FailureReason
 from fracid.estimation.agreement import Spread, spread
 from fracid.estimation.climbing import embedded
@@ -59,7 +59,7 @@ from fracid.estimation.long_records import (
 from fracid.estimation.minimum import Minimum, settled
 from fracid.estimation.other_minimum import as_good_elsewhere, with_another
 from fracid.estimation.parameter_verdicts import Verdict, identifiability
-from fracid.estimation.records import RecordingFit
+from fracid.estimation.records import RecordingFit, fit_of
 from fracid.estimation.starts import Start
 from fracid.estimation.tangent import Tangent, tangent
 from fracid.findings import Finding, Note, Words
@@ -446,12 +446,10 @@ class Examination:
 
     def missed(self) -> Iterator[Finding]:
         """Validation recordings that the model does not predict."""
-        problem = self.at.problem
-        errors = problem.errors(self.at.x)
-        if not isinstance(errors, Failure):
-            squares = [np.sum(e.in_units(r) ** 2, axis=0) / np.maximum(np.count_nonzero(e.scored, axis=0), 1)
-                       for e, r in zip(problem.experiments, errors, strict=True)]  # fmt: skip
-            yield from missed(self.validated, by_name(problem.outputs, np.sqrt(np.max(squares, axis=0))))
+        problem, x = self.at.problem, self.at.x
+        fits = [fit_of(problem, x, n, "fit", initial={}, parameters={}) for n in problem.recordings]
+        if self.validated and all(np.isfinite(r.cost) for r in fits):
+            yield from missed(self.validated, {n: max(r.rmse[n] for r in fits) for n in problem.outputs})
 
     def from_nested(self) -> Evaluation | None:
         """A lower minimum by way of the integer-order model that is nested in the fit, or of its alternative; or None.

@@ -259,7 +259,7 @@ def _check_past(p: Parametrisation, e: Experiment) -> None:
         raise InputError(SAYS("past-shape", e=e, count=len(p.outputs), outputs=", ".join(p.outputs)))
     if not np.all(np.isfinite(e.past)) or (e.past_inputs is not None and not np.all(np.isfinite(e.past_inputs))):
         raise InputError(f"{e.name}: a sample of its past is not a finite number; leave such samples out or fill them.")
-    if e.sensors:
+    if e.sensors or e.sparse:
         raise InputError(SAYS("history-beside-sensor", e=e))
     for name in p.outputs:
         if name not in p.model.output_states:

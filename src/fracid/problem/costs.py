@@ -242,8 +242,7 @@ class Cost:
         """
         if not self.per_sample:
             return sum(costs if weights is None else map(mul, costs, weights))
-        total = sum(n * c * c if self.root else n * c for n, c in zip(samples, costs, strict=True))
-        mean = total / (sum(samples) or 1.0)
+        mean = sum(n * c * c if self.root else n * c for n, c in zip(samples, costs, strict=True)) / (sum(samples) or 1)
         return math.sqrt(mean) if self.root else mean
 
 

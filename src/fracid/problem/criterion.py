@@ -129,10 +129,8 @@ class Criterion:
 
     def levels(self, errors: list[FloatArray]) -> dict[str, float]:
         """The level of each output's residual, rms [rad]."""
-        means = [np.sum(r**2, axis=0) / e.samples for e, r in self._pairs(errors)]
-        squares = sum(s**2 * mean for s, mean in zip(self.shares(), means, strict=True))
-        whole = sum(s**2 * n / np.mean(n) for s, n in zip(self.shares(), self._samples, strict=True))
-        return by_name(self.outputs, np.sqrt(squares / whole))
+        squares = sum(e.weight * np.sum(r**2, axis=0) for e, r in self._pairs(errors))
+        return by_name(self.outputs, np.sqrt(squares / self._samples.sum(axis=0)))
 
     def _levels(self, errors: list[FloatArray]) -> tuple[float, FloatArray]:
         """G, and C_o of each output alone, at least that of its encoder's rounding, shape (n_outputs,).

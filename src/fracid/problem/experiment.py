@@ -163,9 +163,6 @@ class Experiment(CardDisplay):
             past = dict(zip(("past", "past_inputs"), _columns(before, model, outputs), strict=True))
             if step is None:
                 raise InputError(f"{recording.name}: a past needs a uniform grid; resample it first (resample = true).")
-            for name in outputs:
-                if (part := np.mean(within(before.time, before.blanks.get(name, ())))) > BLANK:
-                    raise InputError(SAYS("past-blank", recording=recording, name=name, percent=100 * part))
             if before.step is None or abs(recording.time[0] - before.time[-1] - step) > 1e-3 * step:
                 raise InputError(SAYS("past-off-grid", recording=recording))
         measured, inputs = _columns(recording, model, outputs)
@@ -184,9 +181,8 @@ class Experiment(CardDisplay):
             recording.name, step, measured, inputs, start=float(recording.time[0]), sha256=recording.sha256,
             initial=initial or {}, **past, units={n: units.get(n, "rad") for n in outputs}, **options,
         )  # fmt: skip
-        for name, own in zip(outputs, found.scored.T, strict=True):
-            if not own.any() and found.samples:
-                raise InputError(SAYS("no-sample", of=recording, name=name))
+        if found.samples and (none := [n for n, k in zip(outputs, found.scored.T, strict=True) if not k.any()]):
+            raise InputError(SAYS("no-sample", of=recording, name=none[0]))
         return found
 
     @cached_property

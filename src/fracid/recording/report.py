@@ -109,8 +109,9 @@ class Report:
     @property
     def faults(self) -> tuple[str, ...]:
         """Why the recording cannot be used as it is, with what to do."""
-        missing = (_missing_fault(s, self.clock) for s in self.signals if s.missing and not self._bridged(s))
-        return tuple([*_clock_faults(self.clock, self.uneven), *missing])
+        c, outputs = self.clock, self.outputs
+        missing = (_missing_fault(s, c) for s in self.signals if s.missing and not bridgeable(s, c, outputs))
+        return tuple([*_clock_faults(c, self.uneven), *missing])
 
     @property
     def unusable(self) -> tuple[str, ...]:
@@ -126,11 +127,8 @@ class Report:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What stands against it without making it useless."""
-        blanks = (_blanks(s, self.clock) for s in self.signals if s.missing and self._bridged(s))
+        blanks = (_blanks(s, self.clock) for s in self.signals if s.missing and bridgeable(s, self.clock, self.outputs))
         return (*_clock_warnings(self.clock, self.uneven), *blanks, *map(str, self.findings))
-
-    def _bridged(self, s: SignalReport) -> bool:
-        return bridgeable(s, self.clock) or (s.name in self.outputs and len(s.missing) < self.clock.samples)
 
     @property
     def level(self) -> str:
@@ -373,37 +371,32 @@ def _clock_warnings(c: Clock, uneven: bool) -> Iterable[str]:
 
 
 def _missing_fault(s: SignalReport, c: Clock) -> str:
-    where = f"at {s.missing[0]:.6g} s" if len(s.missing) == 1 else f"from {s.missing[0]:.6g} to {s.missing[-1]:.6g} s"
-    return SAYS("at-end" if len(s.missing) < c.samples else "empty", signal=shortened(s.name), count=len(s.missing),
-                s="s" * (len(s.missing) > 1), where=where)  # fmt: skip
+    count, first, last = len(s.missing), f"{s.missing[0]:.6g} s", f"{s.missing[-1]:.6g} s"
+    number = f"1 sample at {first}" if count == 1 else f"{count} samples from {first[:-2]} to {last}"
+    return SAYS("at-end" if count < c.samples else "empty", signal=shortened(s.name), number=number)
 
 
 def _blanks(s: SignalReport, c: Clock) -> str:
-    count, row = len(s.missing), longest_row(s, c)
+    count, ends = len(s.missing), np.flatnonzero(np.diff(s.missing) > GAP * c.step)
+    row = np.max(np.diff([-1, *ends, len(s.missing) - 1]))
     number = f"1 sample at {s.missing[0]:.6g} s" if count == 1 else f"{count} samples, at most {row} in a row"
-    it = "it" if count == 1 else "them"
     return SAYS("missing" if bridgeable(s, c) else "sparse", signal=shortened(s.name), number=number,
-                percent=100 * count / c.samples, it=it)  # fmt: skip
+                percent=100 * count / c.samples, it="it" if count == 1 else "them")  # fmt: skip
 
 
-def longest_row(s: SignalReport, clock: Clock) -> int:
-    """How many samples a signal misses in a row, at most.
+def bridgeable(s: SignalReport, clock: Clock, outputs: Collection[str] = ()) -> bool:
+    """Whether the samples that a signal misses are few, or it is an output and has some: a fit does without them.
 
     Examples
     --------
     >>> t = np.arange(100.0)
-    >>> r = measure(t, {"alpha": np.where((t == 7) | (t == 8) | (t == 50), np.nan, np.cos(t))}, {"alpha": "rad"})
-    >>> longest_row(r.signals[0], r.clock), bridgeable(r.signals[0], r.clock)
-    (2, True)
+    >>> r = measure(t, {"alpha": np.where(t % 20 > 0, np.nan, np.cos(t))}, {"alpha": "rad"})
+    >>> bridgeable(r.signals[0], r.clock), bridgeable(r.signals[0], r.clock, ["alpha"])
+    (False, True)
     """
-    ends = np.flatnonzero(np.diff(s.missing) > GAP * clock.step)
-    return int(np.max(np.diff([-1, *ends, len(s.missing) - 1])))
-
-
-def bridgeable(s: SignalReport, clock: Clock) -> bool:
-    """Whether the samples that a signal misses are few, so that a fit does without them."""
     ordered = not (clock.duplicated or clock.backward) and clock.step > 0
-    return ordered and len(s.missing) <= BLANK * clock.samples and s.unit not in COMMANDS
+    few = ordered and len(s.missing) <= BLANK * clock.samples and s.unit not in COMMANDS
+    return few or (s.name in outputs and len(s.missing) < clock.samples)
 
 
 def _signal_notes(s: SignalReport) -> Iterable[str]:

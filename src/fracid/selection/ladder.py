@@ -287,14 +287,10 @@ def _rungs(problem: Problem, keep: Collection[str], on: Collection[str]) -> tupl
     names = [rung for rung in dict.fromkeys((*RUNGS, *(kind.rung for kind in kinds.values()))) if rung in on]
     every = {rung: [n for n, kind in kinds.items() if kind.rung == rung] for rung in names}
     rungs = {rung: tuple(n for n in names if n not in keep) for rung, names in every.items()}
-    absent = [f"{rung} ({' or '.join(_beginnings(rung))})" for rung, names in every.items() if not names]
+    begin = {rung: [f"{n}…" for n, kind in BY_NAME.items() if kind.rung == rung] for rung in names}  # by their names
+    absent = [f"{rung} ({' or '.join(begin[rung])})" for rung, names in every.items() if not names]
     missing = [f"The model {problem.model.name} has no parameter of the rungs {', '.join(absent)}."] if absent else []
     return {rung: names for rung, names in rungs.items() if names}, missing
-
-
-def _beginnings(rung: str) -> list[str]:
-    """How the names of its friction begin, where a model does not say what is friction."""
-    return [f"{beginning}…" for beginning, kind in BY_NAME.items() if kind.rung == rung]
 
 
 def _structures(problem: Problem, rungs: Rungs, blind: set[str]) -> Iterable[Structure]:

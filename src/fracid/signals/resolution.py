@@ -20,7 +20,6 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from hashlib import blake2b
 from typing import NamedTuple
 
@@ -129,7 +128,8 @@ def _looked_for(signal: FloatArray) -> Lattice | None:
     whole = Lattice(1.0, 0.0) if np.array_equal(values, np.rint(values)) else None  # a counter's, whatever its noise
     if (exact := _exact(spacings)) is not None and noise_floor(signal) < BURIED * exact.step:
         return exact
-    for octave in _octaves(spacings):
+    octaves, count = np.unique(np.round(np.log2(spacings)), return_counts=True)
+    for octave in np.exp2(octaves[count >= min(3, 0.005 * spacings.size)])[::-1].tolist():  # but of a few small ones
         q = _agreed(values, np.minimum(copies, COPIES), octave)
         found = None if q is None else _believed(values, copies, q)
         if found is not None:
@@ -181,12 +181,6 @@ def _exact(spacings: FloatArray) -> Lattice | None:
     if spacings.size < FEWEST or np.max(np.abs(spacings - q * k)) > EXACT * q:
         return None
     return Lattice(float(f"{q:.12g}"), 0.0)
-
-
-def _octaves(spacings: FloatArray) -> Iterator[float]:
-    """The middle of each octave in which spacings lie, the largest first, but of a few small ones."""
-    octave, count = np.unique(np.round(np.log2(spacings)), return_counts=True)
-    yield from np.exp2(octave[count >= min(3, 0.005 * spacings.size)])[::-1].tolist()
 
 
 def _agreed(values: FloatArray, weights: FloatArray, octave: float) -> float | None:

@@ -432,16 +432,11 @@ def _speed(t: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray, _Noise
     m = 1
     while m < widest and SURE * left.speed > 0.05 * speed.max() and 2 * m * step * speed.max() < 0.5 * np.ptp(level):
         m = min(2 * m, widest)
-        level = _mean_over(x, m)
+        sums = np.cumsum(np.pad(x - x.mean(), (m // 2 + 1, m - 1 - m // 2), mode="symmetric"))
+        level = (sums[m:] - sums[:-m]) / m + x.mean()  # of m samples about each
         speed = _difference(t, level, m)
         left = _Noise(noise / (math.sqrt(2) * m**1.5 * step), noise / math.sqrt(m))
     return speed, level, left
-
-
-def _mean_over(x: FloatArray, m: int) -> FloatArray:
-    """Of m samples about each; mirrored at the ends."""
-    sums = np.cumsum(np.pad(x - x.mean(), (m // 2 + 1, m - 1 - m // 2), mode="symmetric"))
-    return np.asarray((sums[m:] - sums[:-m]) / m + x.mean())
 
 
 def _difference(t: FloatArray, x: FloatArray, w: int) -> FloatArray:

@@ -464,7 +464,8 @@ def _solved_together(
     """
     one, (count, states, _, end) = runs[0], M.shape
     m, s = len(one.past) - 1, end - 1
-    calm = _spectral_radius(A) <= 1.0
+    power = np.linalg.matrix_power(A, 16)  # whose norm's root is near the radius, whatever the states' scales
+    calm = np.max(np.sum(np.abs(power), axis=-1), axis=-1) ** (1 / 16) <= 1.0
     past, gain, slope = (np.array([getattr(run, n) for run in runs]) for n in ("past", "gain", "slope"))
     x, base = past.take(np.minimum(np.arange(max(m, s) + 1), m), axis=1), past[:, 0].copy()
     f, n = np.zeros((count, s + 1, states)), np.arange(s + 1.0)
@@ -521,9 +522,3 @@ def _newton_matrices(A: FloatArray, M: FloatArray, m: int) -> FloatArray:
     B = (M - M[:, :, m : m + 1])[:, :, m + 1 :, m + 1 :]
     W = np.eye(size) - np.einsum("rink,ric->rnikc", B, A).reshape(count, size, size)
     return np.ascontiguousarray(np.linalg.inv(W))
-
-
-def _spectral_radius(A: FloatArray) -> FloatArray:
-    """Estimate it by the root of the norm of A^16, which no scaling of the states changes much."""
-    power = np.linalg.matrix_power(A, 16)
-    return np.asarray(np.max(np.sum(np.abs(power), axis=-1), axis=-1) ** (1 / 16))
