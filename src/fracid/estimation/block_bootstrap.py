@@ -26,7 +26,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
-from fracid.errors import Failure, FailureReason, InputError, at_least
+from fracid.errors import Failure, InputError, at_least
 from fracid.estimation.covariance import METHODS, at_bound, residual_bandwidth, sandwich
 from fracid.estimation.derivatives import jacobian, loss_of, prior_curvature, scores_of
 from fracid.estimation.likelihood_record import BootstrapBlock
@@ -80,7 +80,7 @@ class Bootstrap(CardDisplay):
 
 def bootstrap(
     problem: Problem, x: FloatArray, *, draws: int = 400, block: int | None = None, seed: int = 1, jobs: int = 1
-) -> Bootstrap | Failure:
+) -> Bootstrap:
     """Draw the unknowns as often as if the experiment had been repeated.
 
     Parameters
@@ -99,13 +99,13 @@ def bootstrap(
 
     Returns
     -------
-    Bootstrap or Failure
-        None of outputs of which one is measured less often than others.
+    Bootstrap
 
     Raises
     ------
     InputError
-        For a user's own cost, nothing free, a run that fails at x, or an impossible option.
+        For a user's own cost, nothing free, an output that is measured less often than others, a run that fails at x,
+        or an impossible option.
 
     Examples
     --------
@@ -128,7 +128,7 @@ def bootstrap(
     require_free(problem.names)
     at_least("draws", draws, 2)
     if any(e.sparse for e in problem.experiments):
-        return Failure(FailureReason.REFUSED, "an output is measured less often than others: no bootstrap of it")
+        raise InputError("An output is measured less often than others: no bootstrap of it; use the fit's intervals.")
     errors = problem.errors(x)
     if isinstance(errors, Failure):
         raise InputError(f"There is nothing to draw from: the run at the minimum fails: {errors}.")

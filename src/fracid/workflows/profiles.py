@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from fracid.arrays import FloatArray
-from fracid.errors import DataError, Failure, writing
+from fracid.errors import DataError, Failure, FailureReason, InputError, writing
 from fracid.estimation.agreement import spread
 from fracid.estimation.block_bootstrap import Bootstrap, bootstrap
 from fracid.estimation.cost_profile import CostAtBest, Profiles, profile
@@ -108,7 +108,10 @@ def run_profiles(
         watching.stage("intervals")
         precision = uncertainty(problem, x, jobs=jobs)
         watching.stage("bootstrap")
-        resampling = precision if isinstance(precision, Failure) else bootstrap(problem, x, seed=seed, jobs=jobs)
+        try:
+            resampling = precision if isinstance(precision, Failure) else bootstrap(problem, x, seed=seed, jobs=jobs)
+        except InputError as error:  # profiles need none
+            resampling = Failure(FailureReason.REFUSED, str(error))
         watching.stage("identifiability")
         verdicts = identifiability(problem, x, precision, found.profiles, jobs=jobs)
         several = len(problem.experiments) > 1 and not isinstance(precision, Failure)
