@@ -447,8 +447,9 @@ class Examination:
     def missed(self) -> Iterator[Finding]:
         """Validation recordings that the model does not predict."""
         problem, x = self.at.problem, self.at.x
-        fits = [fit_of(problem, x, n, "fit", initial={}, parameters={}) for n in problem.recordings]
-        if self.validated and all(np.isfinite(r.cost) for r in fits):
+        names = problem.recordings if self.validated else ()
+        fits = [fit_of(problem, x, n, "fit", initial={}, parameters={}) for n in names]
+        if fits and all(np.isfinite(r.cost) for r in fits):
             yield from missed(self.validated, {n: max(r.rmse[n] for r in fits) for n in problem.outputs})
 
     def from_nested(self) -> Evaluation | None:
