@@ -394,7 +394,7 @@ RANGE = r"expected a number or a table \{ start = \.\.\., lower = \.\.\., upper 
         (ONE + "[model.parameters]\nC44 = 1.0", "unknown rotary-pendulum parameter 'C44': did you mean C4"),
         (ONE + "[model.parameters]\nC1 = -1.0", r"C1 = -1\.0 kg m\^2 is outside its physical bounds"),
         (ONE + "[model.parameters]\nC1 = nan", r"C1 = nan; expected a finite number"),
-        (ONE + "[model.parameters]\nC1 = { start = 1e-3, lower = -1.0, upper = 1.0 }", "C1 is free in -1 … 1 kg"),
+        (ONE + "[model.parameters]\nC1 = { start = 1e-3, lower = -1.0, upper = 1.0 }", "C1 is free in -1 … 1, but"),
         (ONE + "[model.parameters]\nC1 = { start = 4e-3, lower = 1e-3, upper = 1e-2, prior = { mean = 4e-3 } }",
          r"\[model\.parameters\.C1\.prior\] sd is missing"),
         (ONE + "[model.parameters]\nC1 = { start = 4e-3, lower = 1e-3, upper = 1e-2, prior = { maen = 1, sd = 1.0 } }",
