@@ -119,6 +119,8 @@ class Criterion:
 
     def sample_weights(self, errors: list[FloatArray]) -> list[FloatArray]:
         """By what the loss of each sample counts, of each recording, shape (n_samples, n_outputs)."""
+        if self.weights == "equal":
+            return self._equal_weights
         balance = self.balance(errors)
         return [weights * balance for weights in self._equal_weights]
 
