@@ -241,9 +241,9 @@ class Cost:
         (5.0, 8.0)
         """
         if not self.per_sample:
-            return sum(costs if weights is None else map(mul, costs, weights))
+            return float(sum(costs if weights is None else map(mul, costs, weights)))
         mean = sum(n * c * c if self.root else n * c for n, c in zip(samples, costs, strict=True)) / (sum(samples) or 1)
-        return math.sqrt(mean) if self.root else mean
+        return math.sqrt(mean) if self.root else float(mean)
 
 
 COSTS = {

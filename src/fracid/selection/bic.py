@@ -49,8 +49,11 @@ def does_as_well(gain: float, cost: float, other: float, *, larger: bool, most: 
     --------
     >>> [does_as_well(30.0, 1.001, 1.0, larger=larger) for larger in (False, True)]
     [True, False]
+    >>> import numpy as np
+    >>> does_as_well(30.0, np.float64(1.1), 1.0, larger=False)
+    False
     """
-    return gain <= most or (not larger and cost <= (1 + SAME) * other)
+    return bool(gain <= most or (not larger and cost <= (1 + SAME) * other))  # a cost may be of NumPy's
 
 
 def schwarz(squares: float, parameters: int, samples: float, cost: Cost) -> float:
