@@ -68,8 +68,8 @@ WIDE_ORDER = 0.1
 WIDE_PART = 0.5
 """The same for what a presliding joint has given at the start, of all that it gives."""
 
-WIDE_ANGLE = 0.05
-"""The same for an angle of rest [rad], which may well be 0."""
+WIDE_REST = 0.05
+"""The same for where something rests, which may well be 0: an angle [rad], or in parts of the motion of what is none."""
 
 STILL = 1e-2
 """A coordinate that moves by less than this part of the one that moves most stands still."""
@@ -188,7 +188,7 @@ class _View:
         """Half an interval that is just narrow enough to use."""
         u = self.problem.unknowns[i]
         if u.kind == "initial" and not u.complete:
-            return max(self.travels[u.target], WIDE_ANGLE)
+            return max(self.travels[u.target], WIDE_REST)
         return widest(self.problem, u, float(self.x[i]))
 
     def too_wide(self, i: int, half: float | None = None) -> bool:
@@ -273,15 +273,23 @@ def widest(problem: Problem, u: Unknown, value: float) -> float:
     0.1
     """
     if u.kind == "parameter":
-        return WIDE_ANGLE if _is_angle(problem, u) else abs(value)
+        return WIDE_REST * _motion_about(problem, u) if _is_rest(problem, u) else abs(value)
     if u.complete:
         return WIDE_PART
     return WIDE_ORDER if u.kind == "order" else math.inf
 
 
-def _is_angle(problem: Problem, u: Unknown) -> bool:
+def _is_rest(problem: Problem, u: Unknown) -> bool:
     """Whether a parameter is where something rests; what a joint gives or the play of a gear is a size [rad]."""
-    return u.unit == "rad" and u.kind == "parameter" and u.target not in problem.model.friction
+    model, rests = problem.model, map(problem.model.rest_of, problem.outputs)
+    return u.kind == "parameter" and u.target not in model.friction and (u.unit == "rad" or u.target in rests)
+
+
+def _motion_about(problem: Problem, u: Unknown) -> float:
+    """How far moves what rests there; of an angle a radian."""
+    moves = {problem.model.rest_of(n): [np.ptp(e.measured[:, k]) for e in problem.experiments]
+             for k, n in enumerate(problem.outputs)}  # fmt: skip
+    return 1.0 if u.unit == "rad" else float(max(moves[u.target]))
 
 
 def _effects(problem: Problem, x: FloatArray) -> FloatArray:
@@ -301,7 +309,7 @@ def _halved_angles(problem: Problem, x: FloatArray) -> Iterator[tuple[Problem, F
         return
     if smaller.names != problem.names:  # half the motion begins otherwise: a joint that slid does not
         return
-    angles = np.array([_is_angle(problem, u) or (u.kind == "initial" and not u.complete) for u in problem.unknowns])
+    angles = np.array([_is_rest(problem, u) or (u.kind == "initial" and not u.complete) for u in problem.unknowns])
     yield smaller, np.where(angles, 0.5 * x, x)
 
 

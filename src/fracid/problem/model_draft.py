@@ -329,7 +329,10 @@ class _ModelPage:
         sought = [n for n in rows if self.sought(n) and not (rows[n]["start"] == 0.0 and self.grows(n))]
         free = [n for n in sought if rows[n]["start"] != 0.0 or rows[n].get("free") or self._slides(n)]
         optional = [n for n in sought if rows[n]["start"] == 0.0 and not self._slides(n)]
-        return first_values(model, r.report.clock.step, signals, free, optional=optional, starts=starts)
+        middles = {rest: (n, float(np.median(x))) for n, x in signals.items() if (rest := model.rest_of(n)) in free}
+        signals |= {n: signals[n] - middle for n, middle in middles.values()}
+        found = first_values(model, r.report.clock.step, signals, free, optional=optional, starts=starts)
+        return replace(found, values={**found.values, **{n: found.values[n] + middle for n, (_, middle) in middles.items()}})
 
     def sought(self, name: str) -> bool:
         """Whether a parameter is to be found from the recording."""
@@ -353,8 +356,8 @@ class _ModelPage:
         """Offsets of encoders that a file's zero leaves open, and angles of rest that the recordings ask for."""
         named = {self.model.rest_of(n) for n, c in self.columns.items()
                  if n in self.outputs and "bias" not in c and c.get("zero") != "rest"}  # fmt: skip
-        return [p.name for p in self.model.parameters if p.name in named and p.unit == "rad"
-                and (p.name in self.first.values or not self.sought(p.name))]  # fmt: skip
+        return [p.name for p in self.model.parameters if p.name in named
+                and (p.name in self.first.values or p.unit == "rad" and not self.sought(p.name))]  # fmt: skip
 
     def draft(self) -> Draft:
         """The text, what was guessed, and the columns."""
