@@ -174,8 +174,7 @@ class Experiment(CardDisplay):
         options["deviation"] = _deviation(recording, outputs)
         units = {**recording.units} | {n: model.output_units.get(n, "rad") for n in recording.assumed}
         if step is None:
-            options["times"] = recording.time - recording.time[0]
-            step, inputs = _on_the_grid(recording, model, options["times"], inputs)
+            step, inputs = _on_the_grid(recording, model, inputs, options)
         inputs = _with_rates(recording, model, step, inputs, options=options)
         found = cls(
             recording.name, step, measured, inputs, start=float(recording.time[0]), sha256=recording.sha256,
@@ -285,7 +284,7 @@ class Experiment(CardDisplay):
         if times is not None:
             begin, times = float(times[0]), times - times[0]
             grid = begin + self.step * np.arange(_steps_to(float(times[-1]), self.step) + 1)
-            whole = self.step * np.arange(len(self.inputs))
+            whole = self.step * np.arange(len(self.inputs))  # shifted means of a held input lie on lines too
             inputs = self.inputs if len(whole) == 1 else np.column_stack(
                 [np.interp(grid, whole, u) for u in self.inputs.T])  # fmt: skip
         return replace(self, measured=self.measured[first:end], inputs=inputs, times=times, deviation=deviation,
@@ -430,11 +429,14 @@ def _steps_to(end: float, step: float) -> int:
     return math.ceil(end / step * (1 - 1e-9))
 
 
-def _on_the_grid(recording: Recording, model: Model, times: FloatArray, inputs: FloatArray) -> tuple[float, FloatArray]:
-    """The step with which a model goes through uneven samples, and the inputs on its grid."""
+def _on_the_grid(
+    recording: Recording, model: Model, inputs: FloatArray, options: dict[str, Any]
+) -> tuple[float, FloatArray]:
+    """The step with which a model goes through uneven samples, and the inputs on its grid; `options` get the times."""
+    times = options["times"] = recording.time - recording.time[0]
     step = float(np.quantile(np.diff(times), ODD, method="lower"))
     jitters = np.median(np.diff(times)) < CROWDS * step
-    held = np.isin(model.inputs, [*recording.held])
+    held = np.isin(model.inputs, [*recording.held, *(n for n, rule in options["between"].items() if rule == "hold")])
     drives = len(inputs) > 1 and np.mean(np.any(np.diff(inputs[:, ~held], axis=0) != 0.0, axis=1)) > 0.5
     least = OF_AN_INPUT if drives and jitters else 1
     step /= max(math.ceil(LEAST_STEPS / _steps_to(float(times[-1]), step)), least)
