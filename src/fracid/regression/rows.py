@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray, Pair, by_name, within
+from fracid.arrays import BoolArray, FloatArray, Pair, by_name, within
 from fracid.errors import InputError
 from fracid.findings import Words
 from fracid.models import Model
@@ -82,6 +82,38 @@ def about_samples(u: FloatArray) -> FloatArray:
     [0.0, 0.5, 1.0]
     """
     return np.asarray(0.5 * (u + np.concatenate([u[:1], u[:-1]])))
+
+
+def lines_over(lost: BoolArray, time: FloatArray, columns: FloatArray) -> FloatArray:
+    """Columns with lines in the place of samples that are lost.
+
+    Examples
+    --------
+    >>> lines_over(np.array([False, True, False]), np.arange(3.0), np.array([[1.0], [99.0], [2.0]])).ravel().tolist()
+    [1.0, 1.5, 2.0]
+    """
+    columns = columns.copy()
+    for x in columns.T:
+        x[lost] = np.interp(time[lost], time[~lost], x[~lost])
+    return columns
+
+
+def beside_gaps(
+    time: NDArray[np.floating],
+    gaps: Sequence[tuple[float, float]],
+    reach: float,
+    x: FloatArray,
+    noise: float,
+    period: float,
+) -> BoolArray:
+    """Which times lie within reach of a gap over which x, of so much noise and that period, is no line."""
+    longest = math.sqrt(4.0 * BENDS * noise / np.ptp(x)) * period / math.pi
+    return within(time, [(a, b) for a, b in gaps if b - a > longest], reach)
+
+
+def gaps_of(e: Experiment) -> tuple[tuple[float, float], ...]:
+    """From when to when an output was not measured, or is masked, on the recording's own clock [s]."""
+    return (*e.mask, *chain.from_iterable(e.blanks))
 
 
 def terms_of(model: Model) -> LinearTerms:
@@ -200,7 +232,7 @@ def swing_of(recording: Recording, model: Model, e: Experiment | None = None) ->
     start = 0 if release is None else round((release - recording.time[0]) / recording.step)
     angles = np.column_stack([signals.get("theta", np.zeros_like(alpha)), alpha])
     e = e or Experiment.of(recording, model, [n for n in ("theta", "alpha") if n in signals])
-    gaps = (*e.mask, *chain.from_iterable(e.blanks))
+    gaps = gaps_of(e)
     lost = within(recording.time, gaps, 1e-6 * e.step)
     if (count := int(np.sum(~lost[start:]))) < 100:
         raise InputError(f"{name}: {count} samples after the release; a regression needs at least 100.")
@@ -210,8 +242,7 @@ def swing_of(recording: Recording, model: Model, e: Experiment | None = None) ->
         raise InputError(f"{name}: alpha stands still, so nothing can be found; expected a swing.")
     if drive is not None and e.between.get(taken) == "hold":
         drive = about_samples(drive)
-    for x in angles.T:
-        x[lost] = np.interp(recording.time[lost], recording.time[~lost], x[~lost])
+    angles = lines_over(lost, recording.time, angles)
     steps = {s.name: s.resolution or 0.0 for s in recording.report.signals}
     noise = [noise_level(x, steps.get(n, 0.0)) for n, x in zip(("theta", "alpha"), angles[start:].T, strict=True)]
     return Swing(name, recording.step, angles, start, drive=drive, noise=np.array(noise),
@@ -289,9 +320,8 @@ class Rows:
         border = math.ceil(_low_pass_reach(s.step, self.cutoff) / self.stride) + len(self.hann) // 2 + 1
         start = self.past + math.ceil(s.start / self.stride)
         grid = np.arange(start + border, len(smooth) - border, max(1, len(self.hann) // 4))
-        longest = math.sqrt(4.0 * BENDS * s.noise[1] / np.ptp(s.angles[:, 1])) / (math.pi * s.frequency)
-        gaps = [(a, b) for a, b in s.gaps if b - a > longest]
-        grid = grid[~within((grid - self.past) * self.step, gaps, border * self.step)]
+        time, alpha = (grid - self.past) * self.step, s.angles[:, 1]
+        grid = grid[~beside_gaps(time, s.gaps, border * self.step, alpha, s.noise[1], 1.0 / s.frequency)]
         half = max(1, round(0.5 / s.frequency / self.step))
         swings = np.array([np.ptp(smooth[max(start, i - half) : i + half], axis=0) for i in grid]).reshape(-1, 2)
         speed = np.abs(np.gradient(smooth, self.step, axis=0)[grid])
