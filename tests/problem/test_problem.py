@@ -788,6 +788,16 @@ def test_a_recording_without_the_output_or_without_a_grid_or_with_an_unknown_sta
         Experiment.of(uneven, RIG, ["alpha"])
 
 
+def test_an_experiment_keeps_its_samples_whatever_is_written_into_the_callers_arrays():
+    arrays = {"measured": np.zeros((9, 2)), "inputs": np.zeros((9, 1)), "past": np.zeros((3, 2)),
+              "past_inputs": np.zeros((3, 1)), "times": np.arange(9.0), "deviation": np.ones((9, 2))}  # fmt: skip
+    e = Experiment("mine", 1.0, **arrays)
+    for name, values in arrays.items():
+        values[1] = 99.0
+        assert not np.any(getattr(e, name) == 99.0), name
+    assert np.shares_memory(e.part(2, 5).measured, e.measured)
+
+
 def test_a_held_input_jumps_neither_late_nor_early_on_the_grid_of_uneven_samples():
     """It jumped at the next point of the grid: late by half a step on the average."""
     time, u = np.arange(500) / 100 + np.random.default_rng(1).uniform(-2e-3, 2e-3, 500), np.repeat(np.arange(20.0), 25)

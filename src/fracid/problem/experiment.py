@@ -100,6 +100,9 @@ class Experiment(CardDisplay):
     """Outputs and their slopes at the start of a window, as the samples on both sides of it show them."""
     since: float = 0.0
     """When this part of a recording begins, from its first sample on [s]: costs that weigh by the time count it."""
+    copied: bool = False
+    """Whether its arrays are its own already, as those of a part are; else they are copied, so that what is written
+    into the caller's later changes nothing."""
 
     def __post_init__(self) -> None:
         """Take arrays of numbers alone, of whatever package: a table of pandas, say; what is masked is none."""
@@ -107,7 +110,9 @@ class Experiment(CardDisplay):
             values = getattr(self, name)
             if values is not None:
                 refuse_masked(what := f"{self.name}: {name}", values)
-                object.__setattr__(self, name, real_array(values, SAYS("no-numbers", what=what)))
+                array = real_array(values, SAYS("no-numbers", what=what))
+                object.__setattr__(self, name, array if self.copied else array.copy())
+        object.__setattr__(self, "copied", True)
         refuse_other_kinds(self, f"{self.name}: ")
         if not 0.0 < self.step < math.inf:
             raise InputError(SAYS("step", name=self.name, step=brief(self.step)))
@@ -178,7 +183,7 @@ class Experiment(CardDisplay):
         inputs = _with_rates(recording, model, step, inputs, options=options)
         found = cls(
             recording.name, step, measured, inputs, start=float(recording.time[0]), sha256=recording.sha256,
-            initial=initial or {}, **past, units={n: units.get(n, "rad") for n in outputs}, **options,
+            initial=initial or {}, **past, units={n: units.get(n, "rad") for n in outputs}, copied=True, **options,
         )  # fmt: skip
         if found.samples and (none := [n for n, k in zip(outputs, found.scored.T, strict=True) if not k.any()]):
             raise InputError(SAYS("no-sample", of=recording, name=none[0]))
