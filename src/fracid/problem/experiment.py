@@ -110,8 +110,7 @@ class Experiment(CardDisplay):
             values = getattr(self, name)
             if values is not None:
                 refuse_masked(what := f"{self.name}: {name}", values)
-                array = real_array(values, SAYS("no-numbers", what=what))
-                object.__setattr__(self, name, array if self.copied else array.copy())
+                object.__setattr__(self, name, real_array(values, SAYS("no-numbers", what=what), copy=not self.copied))
         object.__setattr__(self, "copied", True)
         refuse_other_kinds(self, f"{self.name}: ")
         if not 0.0 < self.step < math.inf:
@@ -307,10 +306,6 @@ class Experiment(CardDisplay):
     def in_deviations(self, error: FloatArray) -> FloatArray:
         """Errors in standard deviations where these are known, shape (n_samples, n_outputs)."""
         return error if self.deviation is None else error / self.deviation
-
-    def in_units(self, error: FloatArray) -> FloatArray:
-        """Errors in the outputs' units, of those in standard deviations where these are known, shape (n_samples, n)."""
-        return error if self.deviation is None else error * self.deviation
 
     @property
     def all_inputs(self) -> FloatArray:

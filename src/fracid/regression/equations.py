@@ -34,7 +34,7 @@ from fracid.problem.first_values import along, smoothing
 from fracid.regression.credibility import SAYS
 from fracid.regression.estimators import Gauge, Scaled, sandwich, solve
 from fracid.regression.linear import Regression, SearchedOrder, constants_of, doubted, estimated
-from fracid.regression.rows import System, about_samples, beside_gaps, from_rest, gaps_of, lines_over
+from fracid.regression.rows import System, about_samples, from_rest, gaps_of, lines_over, longest_line
 from fracid.signals.resolution import noise_level
 
 STEEPER = 1.5
@@ -86,8 +86,10 @@ def _rows(problem: Problem, e: Experiment, sought: Sequence[str], window: float)
             if (j := model.rates.get(i)) is not None:
                 known[j], rates[j] = rates[i], from_rest(rates[i], float(orders[j]), e.step)
     edge, every = int(4 * width) + 1, max(1, n // ROWS)
-    at, x, period = np.arange(edge, n - edge, every), e.most_moved, min(e.period, n) * e.step
-    kept = ~beside_gaps(e.start + e.time[at], gaps_of(e), 2 * edge * e.step, x, noise_level(x), period)
+    at = np.arange(edge, n - edge, every)
+    longest = longest_line(e.most_moved, noise_level(e.most_moved), min(e.period, n) * e.step)
+    gaps = [(a, b) for a, b in gaps_of(e) if b - a > longest]
+    kept = ~within(e.start + e.time[at], gaps, 2 * edge * e.step)
     if not kept.any():
         raise InputError(SAYS("no-rows", e=e))
     inputs = np.broadcast_to(e.inputs, (n, e.inputs.shape[1])) if len(e.inputs) == 1 else e.inputs[:n]
@@ -179,8 +181,7 @@ def regress_equations(problem: Problem) -> Regression:
     if not unknown or not equations:
         raise InputError(SAYS("not-linear", model=model, names=", ".join(names) or "none is free"))
     longer = [r for e in experiments for r in _rows(problem, e, unknown, STEEPER)]
-    index = [places[n] for n in unknown]
-    of, again = (_scaled(some, index, at) for some in (equations, longer))
+    of, again = (_scaled(some, [places[n] for n in unknown], at) for some in (equations, longer))
     if not any(np.max(np.abs(W[:, -1])) > 1e-9 * size for W, size in zip(of.system.W, of.scales, strict=True)):
         raise InputError(SAYS("no-known-constant", names=", ".join(unknown)))
     v, weights = solve("huber", of)

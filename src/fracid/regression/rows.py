@@ -92,23 +92,12 @@ def lines_over(lost: BoolArray, time: FloatArray, columns: FloatArray) -> FloatA
     >>> lines_over(np.array([False, True, False]), np.arange(3.0), np.array([[1.0], [99.0], [2.0]])).ravel().tolist()
     [1.0, 1.5, 2.0]
     """
-    columns = columns.copy()
-    for x in columns.T:
-        x[lost] = np.interp(time[lost], time[~lost], x[~lost])
-    return columns
+    return np.column_stack([np.interp(time, time[~lost], x[~lost]) for x in columns.T])
 
 
-def beside_gaps(
-    time: NDArray[np.floating],
-    gaps: Sequence[tuple[float, float]],
-    reach: float,
-    x: FloatArray,
-    noise: float,
-    period: float,
-) -> BoolArray:
-    """Which times lie within reach of a gap over which x, of so much noise and that period, is no line."""
-    longest = math.sqrt(4.0 * BENDS * noise / np.ptp(x)) * period / math.pi
-    return within(time, [(a, b) for a, b in gaps if b - a > longest], reach)
+def longest_line(x: FloatArray, noise: float, period: float) -> float:
+    """The longest gap over which x, of so much noise and that period [s], is a line within :data:`BENDS`."""
+    return math.sqrt(4.0 * BENDS * noise / float(np.ptp(x))) * period / math.pi
 
 
 def gaps_of(e: Experiment) -> tuple[tuple[float, float], ...]:
@@ -320,8 +309,9 @@ class Rows:
         border = math.ceil(_low_pass_reach(s.step, self.cutoff) / self.stride) + len(self.hann) // 2 + 1
         start = self.past + math.ceil(s.start / self.stride)
         grid = np.arange(start + border, len(smooth) - border, max(1, len(self.hann) // 4))
-        time, alpha = (grid - self.past) * self.step, s.angles[:, 1]
-        grid = grid[~beside_gaps(time, s.gaps, border * self.step, alpha, s.noise[1], 1.0 / s.frequency)]
+        longest = longest_line(s.angles[:, 1], s.noise[1], 1.0 / s.frequency)
+        gaps = [(a, b) for a, b in s.gaps if b - a > longest]
+        grid = grid[~within((grid - self.past) * self.step, gaps, border * self.step)]
         half = max(1, round(0.5 / s.frequency / self.step))
         swings = np.array([np.ptp(smooth[max(start, i - half) : i + half], axis=0) for i in grid]).reshape(-1, 2)
         speed = np.abs(np.gradient(smooth, self.step, axis=0)[grid])
