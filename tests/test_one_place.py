@@ -45,7 +45,7 @@ def pattern(space: Space, rng: np.random.Generator, *, rounds: int = 25) -> Opti
     return Outcome.GENERATIONS_DONE
 
 
-OPTIMISER = Entry("pattern", pattern, "steps along each unknown", polish=True)
+OPTIMISER = Entry("pattern", pattern, polish=True)
 '''
 
 MODEL = '''
@@ -121,7 +121,7 @@ def added(tmp_path_factory):
     folder = tmp_path_factory.mktemp("one-place")
     quartic = Loss(lambda e: e**4, lambda e: 4 * e**3, lambda e, _: 12 * float(np.mean(e**2)), lambda e: e**4)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(METHODS, "euler", Method("gl", 1, euler, "forward Euler", follows=1.0))
+        patch.setitem(METHODS, "euler", Method("gl", 1, euler, follows=1.0))
         patch.setitem(COSTS, "quartic", Cost("quartic", lambda t: np.full(len(t), 1 / len(t)), quartic, "rad⁴"))
         patch.setattr(optimise, "OPTIMISERS", add(optimise, folder / "optimise", "pattern", OPTIMISER, patch))
         patch.setattr(models, "MODELS", add(models, folder / "models", "door", MODEL, patch))

@@ -34,8 +34,8 @@ ROUNDED = 1e-3
 """Steps of a grid by which a stamp that is meant to lie on it may be off, as one of an epoch is."""
 
 
-def real_array(values: Any, fault: str) -> FloatArray:
-    """Real numbers of whatever package as floats that lie row by row, as compiled functions take them.
+def real_array(values: Any, fault: str, *, copy: bool = False) -> FloatArray:
+    """Real numbers of whatever package as floats that lie row by row, as compiled functions take them; or a copy.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def real_array(values: Any, fault: str) -> FloatArray:
         if not any(hasattr(kind, "to") and (hasattr(kind, "units") or hasattr(kind, "unit")) for kind in kinds):
             array = np.asarray(values)
             if array.dtype.kind in "fiub" or (array.dtype == object and all(isinstance(v, Real) for v in array.flat)):
-                return np.require(array, np.float64, ["C", "W"])
+                return np.require(array.copy() if copy else array, np.float64, ["C", "W"])
     raise InputError(fault.replace("{}", brief(values)))
 
 

@@ -350,8 +350,7 @@ class _Made:
     def look_for_what_is_unseen(self) -> None:
         """Refuse a state or a slow constant that the sensors leave as uncertain as it was."""
         y, u = first_samples(self.problem, self.sensors, TUNED_ON)
-        sizes = np.ptp(self.simulated, axis=0)
-        wide = by_name(self.problem.model.states, 0.05 * sizes)
+        wide = by_name(self.problem.model.states, 0.05 * np.ptp(self.simulated, axis=0))
         doubts = {n: v for n, v in self.initial.items() if n in self.slow}
         made = replace(self, slow=dict.fromkeys(self.slow, 0.0), initial=wide | doubts)
         still = made.observer(0.0)

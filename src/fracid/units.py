@@ -256,15 +256,16 @@ def typeset(text: str) -> str:
     return re.sub(r"(?<![\d.])1×", "", re.sub(r"(?<=\d)e([-+]\d+)", raise_exponent, text)).replace("-", "−")
 
 
-def signed(value: float) -> str:
-    """With its sign, a true minus, to two digits; an exponent keeps the hyphen that it is read back with.
+def signed(value: float, half: float = 0.0) -> str:
+    """With its sign, a true minus, to two digits, or to the second of a half-width above 0; an exponent keeps the
+    hyphen that it is read back with.
 
     Examples
     --------
-    >>> signed(-0.0123), signed(0.5)
-    ('−0.012', '+0.5')
+    >>> signed(-0.0123), signed(0.5), signed(0.5, 0.0012)
+    ('−0.012', '+0.5', '+0.5000')
     """
-    return ("−" if value < 0 else "+") + f"{abs(value):.2g}"
+    return ("−" if value < 0 else "+") + (to_second_digit(abs(value), half) if half else f"{abs(value):.2g}")
 
 
 def raised(exponent: int) -> str:

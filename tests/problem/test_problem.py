@@ -20,6 +20,7 @@ from fracid.problem.costs import COSTS, Cost
 from fracid.problem.past import release_in_past, smooth_past
 from fracid.problem.simulator import Simulator
 from fracid.recording import Recording
+from fracid.solver.inputs import at_other_samples
 from twins import release
 
 pytestmark = pytest.mark.usefixtures("without_rivals")
@@ -787,17 +788,32 @@ def test_a_recording_without_the_output_or_without_a_grid_or_with_an_unknown_sta
         Experiment.of(uneven, RIG, ["alpha"])
 
 
+def test_an_experiment_keeps_its_samples_whatever_is_written_into_the_callers_arrays():
+    arrays = {"measured": np.zeros((9, 2)), "inputs": np.zeros((9, 1)), "past": np.zeros((3, 2)),
+              "past_inputs": np.zeros((3, 1)), "times": np.arange(9.0), "deviation": np.ones((9, 2))}  # fmt: skip
+    e = Experiment("mine", 1.0, **arrays)
+    for name, values in arrays.items():
+        values[1] = 99.0
+        assert not np.any(getattr(e, name) == 99.0), name
+    assert np.shares_memory(e.part(2, 5).measured, e.measured)
+
+
 def test_a_held_input_jumps_neither_late_nor_early_on_the_grid_of_uneven_samples():
     """It jumped at the next point of the grid: late by half a step on the average."""
     time, u = np.arange(500) / 100 + np.random.default_rng(1).uniform(-2e-3, 2e-3, 500), np.repeat(np.arange(20.0), 25)
     log = Recording.of("log", time, {"angle": time, "torque": u}, {"torque": "N m"})
-    log = replace(log, held=frozenset({"torque"}), report=replace(log.report, uneven=True))
-    e = Experiment.of(log, fracid.model("joint"), ["angle"])
+    log = replace(log, report=replace(log.report, uneven=True))
+    e = Experiment.of(log, fracid.model("joint"), ["angle"], between={"torque": "hold"})
+    of_the_recording = Experiment.of(replace(log, held=frozenset({"torque"})), fracid.model("joint"), ["angle"])
+    assert np.array_equal(e.inputs, of_the_recording.inputs)
     meant = np.append(0.0, np.cumsum(u[:-1] * np.diff(time)))
     found = np.append(0.0, e.step * np.cumsum(e.inputs[:, 0]))
     at = np.interp(e.times, np.arange(len(found)) * e.step, found)
     assert np.max(np.abs(at - meant)) < 0.3 * e.step
     assert abs(np.mean(at - meant)) < 1e-2 * e.step
+    part, whole = e.part(100, 300), e.step * np.arange(len(e.inputs))
+    grid = e.times[100] + e.step * np.arange(len(part.inputs))
+    assert part.inputs[:, 0] == pytest.approx(at_other_samples(whole, e.inputs[:, 0], "hold", grid, e.step), abs=1e-9)
 
 
 def _tank(t, x, u, p, out):

@@ -70,6 +70,22 @@ def test_a_force_that_is_held_between_its_samples_damps_nothing():
     assert abs(damping.value - model.parameter("b_displacement").value) < 2.5 * damping.standard_error
 
 
+def test_what_was_not_measured_or_is_masked_has_no_rows_of_equations_either():
+    free = ("m", "k", "b_displacement")
+    problem = problem_of("oscillator", free, {"mu": 1.0}, force=10.0, outputs=["displacement"])
+    (e,) = problem.experiments
+    lost, line = (e.time > 3.0) & (e.time < 4.5), e.measured.copy()
+    line[lost] = np.interp(e.time[lost], e.time[~lost], line[~lost, 0])[:, None]
+    masked = replace(e, measured=np.where(lost[:, None], 9.0, e.measured), mask=((3.0, 4.5),))
+    blank = replace(e, measured=line, blanks=(((3.0, 4.5),),))
+    for beside in (masked, blank):
+        found = regress_equations(replace(problem, experiments=(beside,)))
+        for n in free:
+            assert found.parameters[n].value == pytest.approx(problem.model.parameter(n).value, rel=0.03), n
+    with pytest.raises(InputError, match="twin has no rows once its gaps and what is masked are left out"):
+        regress_equations(replace(problem, experiments=(replace(e, mask=((0.01, 7.99),)),)))
+
+
 def test_what_is_not_linear_is_named_and_held():
     at = {"orders": {"mu": 1.0}, "initial": {"angle": 1.0}, "coulomb_angle": 1e-3}
     found = regress_equations(problem_of("pendulum", ("J", "coulomb_angle", "slip_speed"), off=1.0, **at))

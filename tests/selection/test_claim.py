@@ -219,3 +219,14 @@ def test_a_comparison_asks_for_held_out_recordings_where_the_residual_is_white_n
     assert white[-1].startswith("To decide: recordings that are held out")
     assert misfit[0].endswith("but orders may stand in for what the model lacks.")
     assert misfit[-1] == "To decide: a model whose residual is white noise."
+
+
+def test_advice_that_needs_recordings_held_out_says_how_to_hold_them_out():
+    none = 'No recording was held out (use = "validate").'
+    fit = claim_of(CLEAR, replace(nearest(), cut=True), NOISE)
+    compared = claim_of(CLEAR, nearest(), NOISE, [none], compared=True)
+    assert (fit.claim, compared.claim) == ("undecided", "undecided")
+    for advice in (fit.reasons[-1], compared.reasons[-1]):
+        assert "fracid compare" in advice
+        assert 'use = "validate" in their [[recording]]' in advice
+        assert "--leave-one-out" in advice

@@ -300,7 +300,15 @@ def test_the_check_of_the_step_names_each_parameter_that_moves_by_more_than_its_
     finer = x + halves * np.append([0.0, 2.0, 0.5, -3.0], np.zeros(len(x) - 4))
     said = _judged(p, x, known, (1.0, 1.0, 1.0), finer, substeps=1).warning
     assert ("λ" in said, "μ moves by +" in said, "C1" in said) == (False, True, False)
-    assert re.search(r"more than their interval: C3 by −\S+ \(± \S+\)\. Type substeps = 2 in \[fit\]\.$", said)
+    assert re.search(r"Parameters that move too: C3 by −\S+\. Type substeps = 2 in \[fit\]\.$", said)
+
+
+def test_the_check_of_the_step_names_no_interval_that_the_result_may_not_have():
+    p = problem(GOOD[::4], step=4 * STEP)
+    for known in (uncertainty(p, p.start), Failure(FailureReason.NO_FIT, "the model does not fit")):
+        said = _judged(p, p.start, known, (1.0, 1.0, 1.0), p.start + 0.5, substeps=1).warning
+        assert said.startswith("λ moves by +0.5")
+        assert not re.search("interval|±", said)
 
 
 def test_what_does_not_swing_is_not_asked_for_swings_nor_what_swings_under_a_name_that_is_empty():

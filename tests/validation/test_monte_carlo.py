@@ -11,6 +11,7 @@ from scipy import stats
 
 import fracid
 from fracid.errors import InputError
+from fracid.estimation.windows import windowed
 from fracid.models import Model, Parameter
 from fracid.plots import noise_levels
 from fracid.problem import Experiment, Free, Problem
@@ -395,6 +396,14 @@ def test_a_measured_past_is_refused_with_what_to_type():
     moving = replace(problem, experiments=(past,))
     with pytest.raises(InputError, match=r'starts with a measured past, .* leave out history = "measured"'):
         study(moving, np.append(TRUTH, np.zeros(len(moving.names) - 2)))
+
+
+def test_windows_that_remember_are_refused_without_a_word_of_history():
+    problem = release(initial_state="estimate")
+    whole = replace(problem, experiments=tuple(replace(e, initial={}) for e in problem.experiments))
+    windows = windowed(whole, 0.5)
+    with pytest.raises(InputError, match=r'^release is fitted in windows, .* windows = "none" in \[fit\]\.$'):
+        study(windows, windows.start)
 
 
 def test_a_model_and_a_cost_of_ones_own_stay_in_this_process():

@@ -19,8 +19,7 @@ def control(run: Path, how: How) -> None:
     from fracid.workflows.feedback import run_control
 
     at, off = assigned("--at", how.at, "angle=0.5"), assigned("--off", how.off, "alpha=0.2")
-    within = assigned("--within", how.within, "alpha=0.6")
-    loop = how.taken(conditions_of, at=at, off=off, within=within)
+    loop = how.taken(conditions_of, at=at, off=off, within=assigned("--within", how.within, "alpha=0.6"))
     finished = how.done(run_control, run, kind=how.kind, **loop)
     after = typed("export", run, "--to", "c", trust=how.trust), "the model as C"
     how.tell(finished, after, code=finished.folder / "controller.c")

@@ -35,8 +35,7 @@ def reproduce(run: Path, how: How) -> None:
 
     start_time = time.perf_counter()
     reproduction = how.done(reproduce_run, run, typed=_typed_again)
-    seconds = time.perf_counter() - start_time
-    how.answer(reproduction.to_json(), partial(_show, reproduction, run, seconds))
+    how.answer(reproduction.to_json(), partial(_show, reproduction, run, time.perf_counter() - start_time))
     if not reproduction.reproduced:
         raise typer.Exit(1)
 

@@ -56,8 +56,7 @@ def drift_of(problem: Problem, x: FloatArray) -> Drift | None:
     found = []
     for i, at in enumerate(free[blocks.shared].tolist()):
         if problem.unknowns[at].target in problem.model.friction and x[at] > 0 and curvature[i] > 0:
-            pull = minutes * sums[:, i] - sums @ along[:, i]
-            rate = -float(np.sum(pull)) / curvature[i]
+            rate = -float(np.sum(minutes * sums[:, i] - sums @ along[:, i])) / curvature[i]
             left = sums + rate * (minutes[:, None] * H[:, :, i] - H @ along[:, i])  # without the drift
             scatter = (minutes * left[:, i] - left @ along[:, i])[:, None]
             spread = math.sqrt(bartlett_long_run(scatter, len(scatter) ** (1 / 3))[0, 0]) / curvature[i]

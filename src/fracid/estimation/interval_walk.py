@@ -236,7 +236,6 @@ class _Way:
 def _next(inside: tuple[float, float], outside: tuple[float, float]) -> float:
     """Where the height is 1, were it a line between two points; at most three times as far as was seen."""
     if not math.isfinite(outside[1]):
-        ahead = inside[0] / max(inside[1], 1 / 3)
-        return min(ahead, 0.5 * (inside[0] + outside[0]))
+        return min(inside[0] / max(inside[1], 1 / 3), 0.5 * (inside[0] + outside[0]))
     slope = (outside[1] - inside[1]) / (outside[0] - inside[0])
     return inside[0] + (1 - inside[1]) / slope

@@ -1,7 +1,6 @@
 """Search: one ask/tell loop (:mod:`.base`), and one short file for each algorithm.
 
-Each file says with its ``OPTIMISER`` by what name a project takes it; what each is and when to take it stands in
-``titles.toml``.  All are collected in :data:`OPTIMISERS`.
+Each file says with its ``OPTIMISER`` by what name a project takes it; all are collected in :data:`OPTIMISERS`.
 """
 
 from __future__ import annotations

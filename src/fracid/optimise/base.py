@@ -11,7 +11,7 @@ How to write one (a file of its own beside this one, and nothing else):
 4. Return an :class:`Outcome` when done.  The loop keeps the best; an optimiser need not.
 5. What is no generator but calls a function (SciPy's) goes through :func:`as_generator`.
 6. Check counts among the options with :func:`at_least`: a generator's own errors come only when it runs.
-7. Below it ``OPTIMISER = Entry("its-name", name, "what one takes it for", …)``: the package collects these.
+7. Below it ``OPTIMISER = Entry("its-name", name, …)``: the package collects these.
 8. Import what is heavy (SciPy's searches, a package) within the function: all files are read for their names.
 """
 
@@ -22,7 +22,6 @@ import math
 import queue
 import threading
 import time
-import tomllib
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -39,7 +38,7 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray, by_name
 from fracid.arrowhead import Blocks
 from fracid.errors import InputError, at_least, is_number, writing
-from fracid.safety.door import appended, own_text
+from fracid.safety.door import appended
 from fracid.safety.json_files import REACH, json_number, object_of
 from fracid.tasks.job import closing
 from fracid.tasks.journal import append_whole, whole_lines
@@ -149,9 +148,6 @@ class Evaluation:
         return float(self.residuals @ self.residuals)
 
 
-TITLES: dict[str, str] = tomllib.loads(own_text("optimise/titles.toml"))
-"""Of the optimisers of this folder: what each is, and when to take it."""
-
 Optimiser = Generator[FloatArray, list[Evaluation], Outcome]
 """Yields points of shape (k, n), is sent their k evaluations, returns how it ended."""
 
@@ -164,8 +160,6 @@ class Entry:
     """As a project file has it."""
     function: Callable[..., Optimiser] | None
     """(space, rng, **options) → the search; None for what :mod:`fracid.estimation.search` makes of other searches."""
-    title: str
-    """What it is, and when to take it."""
     needs_rows: bool = False
     """Whether it wants a cost that gives rows for least squares."""
     polish: bool = False

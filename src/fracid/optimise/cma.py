@@ -18,7 +18,7 @@ import math
 import numpy as np
 
 from fracid.errors import InputError, at_least
-from fracid.optimise.base import TITLES, Entry, Optimiser, Outcome, Space
+from fracid.optimise.base import Entry, Optimiser, Outcome, Space
 
 WORST = 1e300
 """In the place of an infinite cost: the package refuses those."""
@@ -84,4 +84,4 @@ def cma(
     return outcome
 
 
-OPTIMISER = Entry("cma", cma, TITLES["cma"], polish=True)
+OPTIMISER = Entry("cma", cma, polish=True)

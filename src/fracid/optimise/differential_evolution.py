@@ -14,7 +14,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import at_least
-from fracid.optimise.base import TITLES, Ask, Entry, Optimiser, Outcome, Space, as_generator
+from fracid.optimise.base import Ask, Entry, Optimiser, Outcome, Space, as_generator
 
 ROUNDING = 1e-12
 """Of a range: so far within its bounds a start is, for SciPy's own rounding would put it outside by a last digit."""
@@ -68,4 +68,4 @@ def differential_evolution(
     return as_generator(run)
 
 
-OPTIMISER = Entry("differential-evolution", differential_evolution, TITLES["differential-evolution"], polish=True)
+OPTIMISER = Entry("differential-evolution", differential_evolution, polish=True)

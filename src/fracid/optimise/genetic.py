@@ -41,7 +41,7 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, at_least
-from fracid.optimise.base import TITLES, Entry, Optimiser, Outcome, Space
+from fracid.optimise.base import Entry, Optimiser, Outcome, Space
 
 
 def genetic(
@@ -139,4 +139,4 @@ def _mutated(herd: FloatArray, probability: float, draw: np.random.Generator) ->
     return herd
 
 
-OPTIMISER = Entry("genetic", genetic, TITLES["genetic"], evaluations=26 * 20)
+OPTIMISER = Entry("genetic", genetic, evaluations=26 * 20)

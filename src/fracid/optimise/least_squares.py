@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import SMALLEST, InputError, at_least
-from fracid.optimise.base import TITLES, Ask, Entry, Evaluation, Optimiser, Outcome, Space, as_generator
+from fracid.optimise.base import Ask, Entry, Evaluation, Optimiser, Outcome, Space, as_generator
 from fracid.optimise.blockwise import blockwise
 from fracid.qr import BLOCK, triangle
 
@@ -170,4 +170,4 @@ class _Ended(Exception):
     """
 
 
-OPTIMISER = Entry("least-squares", least_squares, TITLES["least-squares"], needs_rows=True)
+OPTIMISER = Entry("least-squares", least_squares, needs_rows=True)

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.optimise.base import TITLES, Entry, Evaluation, Optimiser, Outcome, Space
+from fracid.optimise.base import Entry, Evaluation, Optimiser, Outcome, Space
 
 MOST_STARTS = 100_000
 """Weeks of work: more is a slip, and the points alone would not go into memory."""
@@ -147,4 +147,4 @@ def _same_minimum(paths: Sequence[Path], i: int) -> Path | None:
     return None
 
 
-OPTIMISER = Entry("multistart", None, TITLES["multistart"], needs_rows=True)
+OPTIMISER = Entry("multistart", None, needs_rows=True)

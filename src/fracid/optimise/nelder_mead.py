@@ -15,7 +15,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import at_least
-from fracid.optimise.base import TITLES, Ask, Entry, Optimiser, Outcome, Space, as_generator
+from fracid.optimise.base import Ask, Entry, Optimiser, Outcome, Space, as_generator
 
 
 def nelder_mead(space: Space, _rng: object, *, tolerance: float = 1e-6, budget: int = 1000) -> Optimiser:
@@ -75,4 +75,4 @@ def _edges(space: Space) -> FloatArray:
     return np.where(space.start + edge > space.upper, -edge, edge)
 
 
-OPTIMISER = Entry("nelder-mead", nelder_mead, TITLES["nelder-mead"], polish=True)
+OPTIMISER = Entry("nelder-mead", nelder_mead, polish=True)

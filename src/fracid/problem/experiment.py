@@ -100,6 +100,9 @@ class Experiment(CardDisplay):
     """Outputs and their slopes at the start of a window, as the samples on both sides of it show them."""
     since: float = 0.0
     """When this part of a recording begins, from its first sample on [s]: costs that weigh by the time count it."""
+    copied: bool = False
+    """Whether its arrays are its own already, as those of a part are; else they are copied, so that what is written
+    into the caller's later changes nothing."""
 
     def __post_init__(self) -> None:
         """Take arrays of numbers alone, of whatever package: a table of pandas, say; what is masked is none."""
@@ -107,7 +110,8 @@ class Experiment(CardDisplay):
             values = getattr(self, name)
             if values is not None:
                 refuse_masked(what := f"{self.name}: {name}", values)
-                object.__setattr__(self, name, real_array(values, SAYS("no-numbers", what=what)))
+                object.__setattr__(self, name, real_array(values, SAYS("no-numbers", what=what), copy=not self.copied))
+        object.__setattr__(self, "copied", True)
         refuse_other_kinds(self, f"{self.name}: ")
         if not 0.0 < self.step < math.inf:
             raise InputError(SAYS("step", name=self.name, step=brief(self.step)))
@@ -174,12 +178,11 @@ class Experiment(CardDisplay):
         options["deviation"] = _deviation(recording, outputs)
         units = {**recording.units} | {n: model.output_units.get(n, "rad") for n in recording.assumed}
         if step is None:
-            options["times"] = recording.time - recording.time[0]
-            step, inputs = _on_the_grid(recording, model, options["times"], inputs)
+            step, inputs = _on_the_grid(recording, model, inputs, options)
         inputs = _with_rates(recording, model, step, inputs, options=options)
         found = cls(
             recording.name, step, measured, inputs, start=float(recording.time[0]), sha256=recording.sha256,
-            initial=initial or {}, **past, units={n: units.get(n, "rad") for n in outputs}, **options,
+            initial=initial or {}, **past, units={n: units.get(n, "rad") for n in outputs}, copied=True, **options,
         )  # fmt: skip
         if found.samples and (none := [n for n, k in zip(outputs, found.scored.T, strict=True) if not k.any()]):
             raise InputError(SAYS("no-sample", of=recording, name=none[0]))
@@ -285,7 +288,7 @@ class Experiment(CardDisplay):
         if times is not None:
             begin, times = float(times[0]), times - times[0]
             grid = begin + self.step * np.arange(_steps_to(float(times[-1]), self.step) + 1)
-            whole = self.step * np.arange(len(self.inputs))
+            whole = self.step * np.arange(len(self.inputs))  # shifted means of a held input lie on lines too
             inputs = self.inputs if len(whole) == 1 else np.column_stack(
                 [np.interp(grid, whole, u) for u in self.inputs.T])  # fmt: skip
         return replace(self, measured=self.measured[first:end], inputs=inputs, times=times, deviation=deviation,
@@ -303,10 +306,6 @@ class Experiment(CardDisplay):
     def in_deviations(self, error: FloatArray) -> FloatArray:
         """Errors in standard deviations where these are known, shape (n_samples, n_outputs)."""
         return error if self.deviation is None else error / self.deviation
-
-    def in_units(self, error: FloatArray) -> FloatArray:
-        """Errors in the outputs' units, of those in standard deviations where these are known, shape (n_samples, n)."""
-        return error if self.deviation is None else error * self.deviation
 
     @property
     def all_inputs(self) -> FloatArray:
@@ -430,11 +429,14 @@ def _steps_to(end: float, step: float) -> int:
     return math.ceil(end / step * (1 - 1e-9))
 
 
-def _on_the_grid(recording: Recording, model: Model, times: FloatArray, inputs: FloatArray) -> tuple[float, FloatArray]:
-    """The step with which a model goes through uneven samples, and the inputs on its grid."""
+def _on_the_grid(
+    recording: Recording, model: Model, inputs: FloatArray, options: dict[str, Any]
+) -> tuple[float, FloatArray]:
+    """The step with which a model goes through uneven samples, and the inputs on its grid; `options` get the times."""
+    times = options["times"] = recording.time - recording.time[0]
     step = float(np.quantile(np.diff(times), ODD, method="lower"))
     jitters = np.median(np.diff(times)) < CROWDS * step
-    held = np.isin(model.inputs, [*recording.held])
+    held = np.isin(model.inputs, [*recording.held, *(n for n, rule in options["between"].items() if rule == "hold")])
     drives = len(inputs) > 1 and np.mean(np.any(np.diff(inputs[:, ~held], axis=0) != 0.0, axis=1)) > 0.5
     least = OF_AN_INPUT if drives and jitters else 1
     step /= max(math.ceil(LEAST_STEPS / _steps_to(float(times[-1]), step)), least)

@@ -87,8 +87,7 @@ def draft_of_model(
     >>> [line.split("=")[0].strip() for line in draft.text.splitlines() if line.startswith(("k ", "b_"))]
     ['k', 'b_displacement']
     """
-    source = Source(Path(file), time, variable, Path(folder))
-    return _ModelPage(name, source, more, columns, zero=zero).draft()
+    return _ModelPage(name, Source(Path(file), time, variable, Path(folder)), more, columns, zero=zero).draft()
 
 
 def channels_of(model: Model, roles: Mapping[str, str], raw: Recording) -> dict[str, Fields]:
@@ -232,8 +231,7 @@ class _ModelPage:
 
     def _columns(self, given: Mapping[str, Mapping[str, Any]], tables: Sequence[Table]) -> Columns:
         """What each column is, with its unit; those that are named are believed, and the others guessed."""
-        signals = (*self.model.outputs, *self.model.inputs)
-        refuse_unknown(f"signal of {self.name} in --column", signals, *given)
+        refuse_unknown(f"signal of {self.name} in --column", (*self.model.outputs, *self.model.inputs), *given)
         logs = zip(tables, self.logs, strict=True)
         named = {c: n for table, log in logs for c, n in named_columns(table, log.signals, given).items()}
         free = [c for c in self.raws if c not in named]

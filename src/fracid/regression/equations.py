@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, within
 from fracid.errors import InputError
 from fracid.models import Model
 from fracid.models.written.formulas import Formula
@@ -34,7 +34,8 @@ from fracid.problem.first_values import along, smoothing
 from fracid.regression.credibility import SAYS
 from fracid.regression.estimators import Gauge, Scaled, sandwich, solve
 from fracid.regression.linear import Regression, SearchedOrder, constants_of, doubted, estimated
-from fracid.regression.rows import System, about_samples, from_rest
+from fracid.regression.rows import System, about_samples, from_rest, gaps_of, lines_over, longest_line
+from fracid.signals.resolution import noise_level
 
 STEEPER = 1.5
 """The second window over the first."""
@@ -86,12 +87,17 @@ def _rows(problem: Problem, e: Experiment, sought: Sequence[str], window: float)
                 known[j], rates[j] = rates[i], from_rest(rates[i], float(orders[j]), e.step)
     edge, every = int(4 * width) + 1, max(1, n // ROWS)
     at = np.arange(edge, n - edge, every)
+    longest = longest_line(e.most_moved, noise_level(e.most_moved), min(e.period, n) * e.step)
+    gaps = [(a, b) for a, b in gaps_of(e) if b - a > longest]
+    kept = ~within(e.start + e.time[at], gaps, 2 * edge * e.step)
+    if not kept.any():
+        raise InputError(SAYS("no-rows", e=e))
     inputs = np.broadcast_to(e.inputs, (n, e.inputs.shape[1])) if len(e.inputs) == 1 else e.inputs[:n]
     held = [e.between.get(name) == "hold" for name in model.inputs]
     u, nothing = np.where(held, about_samples(inputs), inputs)[at], np.zeros(n)
 
     def filtered(values: FloatArray) -> FloatArray:
-        return np.asarray(gaussian_filter1d(values, max(width / every, 0.5), mode="nearest"))
+        return np.asarray(gaussian_filter1d(values, max(width / every, 0.5), mode="nearest"))[kept]
 
     def rate(f: Any, i: int, p: FloatArray, more: Mapping[int, FloatArray] | None = None) -> FloatArray:
         columns = known | dict(more or {})
@@ -163,7 +169,9 @@ def regress_equations(problem: Problem) -> Regression:
     at = model.parameter_vector().astype(float)
     places = {n: k for k, n in enumerate(model.parameter_names)}
     unknown = [n for n in names if n in places]
-    equations = [r for e in problem.experiments for r in _rows(problem, e, unknown, 1.0)]
+    experiments = [replace(e, measured=lines_over(within(e.start + e.time, e.mask, 1e-6 * e.step), e.time, e.measured))
+                   for e in problem.experiments]  # fmt: skip
+    equations = [r for e in experiments for r in _rows(problem, e, unknown, 1.0)]
     for _, residual in equations:
         unknown = linear_in(residual, unknown, at, places)
     here, ones = [(residual, residual(at)) for _, residual in equations], np.eye(len(at))
@@ -172,9 +180,8 @@ def regress_equations(problem: Problem) -> Regression:
     unknown = [n for n in unknown if n not in idle]
     if not unknown or not equations:
         raise InputError(SAYS("not-linear", model=model, names=", ".join(names) or "none is free"))
-    longer = [r for e in problem.experiments for r in _rows(problem, e, unknown, STEEPER)]
-    index = [places[n] for n in unknown]
-    of, again = (_scaled(some, index, at) for some in (equations, longer))
+    longer = [r for e in experiments for r in _rows(problem, e, unknown, STEEPER)]
+    of, again = (_scaled(some, [places[n] for n in unknown], at) for some in (equations, longer))
     if not any(np.max(np.abs(W[:, -1])) > 1e-9 * size for W, size in zip(of.system.W, of.scales, strict=True)):
         raise InputError(SAYS("no-known-constant", names=", ".join(unknown)))
     v, weights = solve("huber", of)
@@ -188,7 +195,7 @@ def regress_equations(problem: Problem) -> Regression:
             for why, which in held.items() if which]  # fmt: skip
     if problem.orders:
         note.append(f"{', '.join(problem.orders)}: held at the start; fracid fit searches orders.")
-    first = problem.experiments[0]
+    first = experiments[0]
     width = smoothing(first.measured, first.step) * first.step
     return doubted(estimated(
         of, v, weights, parameters=wider,

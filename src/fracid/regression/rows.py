@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray, Pair, by_name, within
+from fracid.arrays import BoolArray, FloatArray, Pair, by_name, within
 from fracid.errors import InputError
 from fracid.findings import Words
 from fracid.models import Model
@@ -82,6 +82,27 @@ def about_samples(u: FloatArray) -> FloatArray:
     [0.0, 0.5, 1.0]
     """
     return np.asarray(0.5 * (u + np.concatenate([u[:1], u[:-1]])))
+
+
+def lines_over(lost: BoolArray, time: FloatArray, columns: FloatArray) -> FloatArray:
+    """Columns with lines in the place of samples that are lost.
+
+    Examples
+    --------
+    >>> lines_over(np.array([False, True, False]), np.arange(3.0), np.array([[1.0], [99.0], [2.0]])).ravel().tolist()
+    [1.0, 1.5, 2.0]
+    """
+    return np.column_stack([np.interp(time, time[~lost], x[~lost]) for x in columns.T])
+
+
+def longest_line(x: FloatArray, noise: float, period: float) -> float:
+    """The longest gap over which x, of so much noise and that period [s], is a line within :data:`BENDS`."""
+    return math.sqrt(4.0 * BENDS * noise / float(np.ptp(x))) * period / math.pi
+
+
+def gaps_of(e: Experiment) -> tuple[tuple[float, float], ...]:
+    """From when to when an output was not measured, or is masked, on the recording's own clock [s]."""
+    return (*e.mask, *chain.from_iterable(e.blanks))
 
 
 def terms_of(model: Model) -> LinearTerms:
@@ -200,7 +221,7 @@ def swing_of(recording: Recording, model: Model, e: Experiment | None = None) ->
     start = 0 if release is None else round((release - recording.time[0]) / recording.step)
     angles = np.column_stack([signals.get("theta", np.zeros_like(alpha)), alpha])
     e = e or Experiment.of(recording, model, [n for n in ("theta", "alpha") if n in signals])
-    gaps = (*e.mask, *chain.from_iterable(e.blanks))
+    gaps = gaps_of(e)
     lost = within(recording.time, gaps, 1e-6 * e.step)
     if (count := int(np.sum(~lost[start:]))) < 100:
         raise InputError(f"{name}: {count} samples after the release; a regression needs at least 100.")
@@ -210,8 +231,7 @@ def swing_of(recording: Recording, model: Model, e: Experiment | None = None) ->
         raise InputError(f"{name}: alpha stands still, so nothing can be found; expected a swing.")
     if drive is not None and e.between.get(taken) == "hold":
         drive = about_samples(drive)
-    for x in angles.T:
-        x[lost] = np.interp(recording.time[lost], recording.time[~lost], x[~lost])
+    angles = lines_over(lost, recording.time, angles)
     steps = {s.name: s.resolution or 0.0 for s in recording.report.signals}
     noise = [noise_level(x, steps.get(n, 0.0)) for n, x in zip(("theta", "alpha"), angles[start:].T, strict=True)]
     return Swing(name, recording.step, angles, start, drive=drive, noise=np.array(noise),
@@ -289,7 +309,7 @@ class Rows:
         border = math.ceil(_low_pass_reach(s.step, self.cutoff) / self.stride) + len(self.hann) // 2 + 1
         start = self.past + math.ceil(s.start / self.stride)
         grid = np.arange(start + border, len(smooth) - border, max(1, len(self.hann) // 4))
-        longest = math.sqrt(4.0 * BENDS * s.noise[1] / np.ptp(s.angles[:, 1])) / (math.pi * s.frequency)
+        longest = longest_line(s.angles[:, 1], s.noise[1], 1.0 / s.frequency)
         gaps = [(a, b) for a, b in s.gaps if b - a > longest]
         grid = grid[~within((grid - self.past) * self.step, gaps, border * self.step)]
         half = max(1, round(0.5 / s.frequency / self.step))

@@ -302,7 +302,7 @@ def _step(material: Material) -> Iterator[tuple[str, bool]]:
         yield "What the step does was not checked.", False
     elif check["warning"] and COARSE_STEP in material.result["claim_codes"]:
         moved = [f"{letter(n)} by {number(s, '.2g')}" for n, s in moved_by_the_step(material.result).items()]
-        what = f"moves {joined(moved)}" if moved else "changes the cost"
+        what = f"moves {joined(moved)}" if moved else "changes the result"
         yield f"Half the step {what}: the claim and the check of the step say more.", False
     elif check["warning"]:
         yield " ".join(filter(None, (check.get("refinement"), check["warning"]))), False

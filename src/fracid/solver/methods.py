@@ -1,8 +1,8 @@
 """The methods: a row for each stepping scheme, and all that fracid knows of it.
 
-A new method is its loop in :mod:`fracid.solver.schemes` and its row in ``methods.toml``: its name, its title for help
-and completion, the memory that it sums with, its order and its limit, and what an exported model steps with all come
-from here.  Only weights of another family need more (:mod:`fracid.solver.weights`, :mod:`fracid.solver.starting`).
+A new method is its loop in :mod:`fracid.solver.schemes` and its row in ``methods.toml``: its name, the memory that it
+sums with, its order and its limit, and what an exported model steps with all come from here.  Only weights of another
+family need more (:mod:`fracid.solver.weights`, :mod:`fracid.solver.starting`).
 
 A loop takes the address of f, the :class:`~fracid.solver.loop_arguments.Run` and the array to fill, and returns the
 last good index and how the run ended.
@@ -48,8 +48,6 @@ class Method:
     """The error falls as h to this, where f(t, x(t)) is smooth."""
     run: Callable[[int, Run, FloatArray], tuple[int, int]]
     """(where f is, the run, out) → (last good index, how it ended); fills out, a row for each sample that is stored."""
-    title: str
-    """What one takes it for, in a phrase."""
     follows: float = math.inf
     """The largest |J|h of :mod:`fracid.solver.stiffness` that it follows; infinite for what solves stiff systems."""
     at_a_jump: Literal["both", "after", "mean"] = "mean"

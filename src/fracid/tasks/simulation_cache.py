@@ -160,8 +160,7 @@ def _content(outputs: FloatArray | Failure) -> list[bytes | memoryview]:
         return [f"{outputs.reason.name} {outputs.detail}".encode()]
     header = header_data_from_array_1_0(outputs)
     write_array_header_1_0(head := BytesIO(), header)
-    numbers = outputs.ravel("F" if header["fortran_order"] else "C")
-    return [head.getvalue(), numbers.view(np.uint8).data]
+    return [head.getvalue(), outputs.ravel("F" if header["fortran_order"] else "C").view(np.uint8).data]
 
 
 def _stamp() -> bytes:

@@ -48,7 +48,7 @@ def simulated(problem: Problem, x: FloatArray, finer: int = FINER) -> Problem:
     twins = []
     for e in problem.experiments:
         if e.past is not None:
-            raise InputError(SAYS("measured-past", e=e))
+            raise InputError(SAYS("measured-past" if e.whole is None else "past-of-window", e=e))
         run = exact.fitted(x, e)
         if isinstance(run, Failure):
             raise InputError(f"The truth cannot be simulated: {run}. Give values whose run reaches the end.")

@@ -35,7 +35,7 @@ from fracid.problem.checks import MOST_STEPS
 from fracid.safety.schema import Infinite, Record, Unknown
 from fracid.selection.step import COARSE, HELPS
 from fracid.solver.methods import METHODS
-from fracid.units import letter, shown_half_width, to_second_digit
+from fracid.units import letter, signed
 
 SAYS = Words("validation/discretisation.toml")
 
@@ -77,7 +77,10 @@ class Discretisation(Record):
         return replace(self, cost=cost, cost_half_step=half, cost_second_order=second)
 
     def judged(self, problem: Problem, x: FloatArray, known: Known, substeps: int) -> Discretisation:
-        """With the warning that its moves are worth beside these intervals of x."""
+        """With the warning that its moves are worth beside these intervals of x.
+
+        It names no interval: what is shown in the end allows for the moves, or is none where the model does not fit.
+        """
         if not self.moves:
             return self
         halves = {u.name: half_width(known, x, i) for i, u in enumerate(problem.unknowns)}
@@ -85,9 +88,9 @@ class Discretisation(Record):
         moved = [n for n, shift in self.shift.items() if abs(shift) > max(LEAST_SHIFT, width[n])]
         coarse = _costs_differ(problem.method, self)
         says = [SAYS("too-coarse", costs=(self.cost, self.cost_half_step), substeps=2 * substeps)] if coarse else []
-        says += [SAYS("moves", name=letter(n), shift=_signed(self.shift[n], width[n]),
-                      width=shown_half_width(width[n]), method=problem.method) for n in moved]  # fmt: skip
-        beyond = [SAYS("by", name=u.name, shift=_signed(move, half), width=to_second_digit(half, half))
+        says += [SAYS("moves", name=letter(n), shift=signed(self.shift[n], width[n]), method=problem.method)
+                 for n in moved]  # fmt: skip
+        beyond = [SAYS("by", name=u.name, shift=signed(move, half))
                   for u in problem.unknowns for half, move in [(halves[u.name], self.moves.get(u.name, 0.0))]
                   if u.kind != "order" and half and abs(move) > half]  # fmt: skip
         says += [SAYS("move-too", beyond=", ".join(beyond))] if says and beyond else []
@@ -193,11 +196,6 @@ def _judged(
              if u.experiment is None or len(problem.recordings) == 1}  # fmt: skip
     check = Discretisation(*costs, {n: float(finer[i]) for n, i in at.items()}, shift, largest, moves=moves)
     return check.judged(problem, x, known, substeps)
-
-
-def _signed(shift: float, width: float) -> str:
-    """With its sign, to the second digit of the interval that it is held against."""
-    return ("−" if shift < 0 else "+") + to_second_digit(abs(shift), width)
 
 
 def finer_step(begun: Refined, jobs: int) -> Refined | None:
