@@ -232,8 +232,8 @@ def observer(
     if channels := {c for c in (*e.sensors, *e.actuators)}:
         raise InputError(SAYS("channels", names=", ".join(sorted(channels))))
     recorded = {n: e.measured[:, problem.outputs.index(n)] for n in names if n in problem.outputs}
-    found = {n: noise_floor(y) or white_noise(y) for n, y in recorded.items()}  # finer than its digits: of all samples
-    noise = found | dict(noise or {})
+    # where it is finer than its digits, of all samples
+    noise = {n: noise_floor(y) or white_noise(y) for n, y in recorded.items()} | dict(noise or {})
     for n in names:
         if not noise.get(n, 0.0) > 0.0:
             raise InputError(f"The noise of {n} is not known: give it, noise={{{n!r}: standard deviation}}.")
@@ -350,8 +350,7 @@ class _Made:
     def look_for_what_is_unseen(self) -> None:
         """Refuse a state or a slow constant that the sensors leave as uncertain as it was."""
         y, u = first_samples(self.problem, self.sensors, TUNED_ON)
-        sizes = np.ptp(self.simulated, axis=0)
-        wide = by_name(self.problem.model.states, 0.05 * sizes)
+        wide = by_name(self.problem.model.states, 0.05 * np.ptp(self.simulated, axis=0))
         doubts = {n: v for n, v in self.initial.items() if n in self.slow}
         made = replace(self, slow=dict.fromkeys(self.slow, 0.0), initial=wide | doubts)
         still = made.observer(0.0)
