@@ -232,8 +232,8 @@ def observer(
     if channels := {c for c in (*e.sensors, *e.actuators)}:
         raise InputError(SAYS("channels", names=", ".join(sorted(channels))))
     recorded = {n: e.measured[:, problem.outputs.index(n)] for n in names if n in problem.outputs}
-    found = {n: noise_floor(y) or white_noise(y) for n, y in recorded.items()}  # finer than its digits: of all samples
-    noise = found | dict(noise or {})
+    # where it is finer than its digits, of all samples
+    noise = {n: noise_floor(y) or white_noise(y) for n, y in recorded.items()} | dict(noise or {})
     for n in names:
         if not noise.get(n, 0.0) > 0.0:
             raise InputError(f"The noise of {n} is not known: give it, noise={{{n!r}: standard deviation}}.")

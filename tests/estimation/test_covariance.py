@@ -383,6 +383,29 @@ def test_outputs_that_count_by_their_noise_give_the_weighted_covariance():
     assert uncertainty(p, TRUE).white == pytest.approx(np.sqrt(np.diag(np.linalg.inv(whole.T @ whole))), rel=1e-6)
 
 
+def two_decays(outputs, recordings):
+    """Two parts that have nothing in common; the second is measured in every 20th row."""
+    equations = Equations({"x": Equation("-a*x"), "y": Equation("-b*y")})
+    model = equations.model("two", [Parameter(n, "", 0.5, "", lower=0.0, upper=5.0) for n in "ab"])
+    t, rng = np.arange(0, 6, 0.01), np.random.default_rng(4)
+    measured = np.exp(-0.5 * t)[:, None] + 0.05 * rng.standard_normal((recordings, len(t), 2))
+    blank = tuple((k + 0.005, k + 0.195) for k in t[::20])
+    own = [Experiment(f"run {k}", 0.01, y[:, : len(outputs)], np.zeros((1, 1)), units={"x": "1", "y": "1"},
+                      blanks=((), blank)[: len(outputs)]) for k, y in enumerate(measured)]  # fmt: skip
+    free = {n: Free(0.5, 0.0, 5.0) for n in "ab"[: len(outputs)]}
+    return Problem(model, tuple(own), {}, free, outputs=outputs, initial_state="rest")
+
+
+@pytest.mark.parametrize("recordings", [1, 3])
+def test_an_output_that_is_measured_now_and_then_leaves_the_intervals_of_what_another_tells(recordings, monkeypatch):
+    monkeypatch.setattr("fracid.problem.problem.MANY", 2)  # three recordings are blocks of their own
+    alone, both = (two_decays(outputs, recordings) for outputs in (("x",), ("x", "y")))
+    assert np.count_nonzero(both.scored[0], axis=0).tolist() == [600, 30]
+    assert (both.blocks is None) == (recordings == 1)
+    widths = [dict(zip(p.names, np.ptp(uncertainty(p, p.start).ends, axis=1), strict=True)) for p in (alone, both)]
+    assert {n: widths[1][n] for n in alone.names} == pytest.approx(widths[0], rel=1e-6)
+
+
 def test_a_prior_narrows_an_interval_as_one_more_measurement_does():
     orders = {"lambda": Free(0.9, 0.5, 1.2), "mu": 0.95}
     p = problem(clean() + noise(2001, 0.0, 3), orders=orders)
@@ -399,7 +422,8 @@ def test_a_prior_narrows_an_interval_as_one_more_measurement_does():
 def widened(rows, inverse, bandwidth):
     """Where all recordings share all unknowns."""
     shared = Blocks(np.full(len(inverse), -1), np.cumsum([0, *map(len, rows)]))
-    return widening(shared, rows, Bread(inverse, np.eye(len(inverse)), np.empty((0, len(inverse)))), bandwidth)
+    bread = Bread(inverse, np.eye(len(inverse)), np.empty((0, len(inverse))))
+    return widening(shared, rows, bread, [(np.ones(1, bool), bandwidth)])
 
 
 def means(n, rho, seeds=2000):

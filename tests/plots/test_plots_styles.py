@@ -165,6 +165,16 @@ def test_all_figures_are_looked_at_here():
 # --- a journal's columns -----------------------------------------------------------------------------
 
 
+def test_a_predictive_figure_draws_the_residual_of_what_is_measured_now_and_then_from_sample_to_sample():
+    drawn, swing = posterior(), posterior().problem.experiments[0]
+    blank = tuple((t + 0.5 * swing.step, t + 19.5 * swing.step) for t in swing.time[::20].tolist())
+    rarely = replace(swing, blanks=((), blank))
+    figure = replace(drawn, problem=replace(drawn.problem, experiments=(rarely,))).plot_predictive()
+    often, rare = (axes.lines[0].get_xydata() for axes in figure.axes)
+    assert len(rare) == np.count_nonzero(rarely.scored[:, 1]) < len(often) / 10
+    assert np.isfinite(rare).all()
+
+
 @pytest.mark.few(1)
 @pytest.mark.parametrize("name", FIGURES)
 def test_a_journals_figure_is_as_wide_as_a_column_or_a_page_and_fits_it(name):

@@ -68,6 +68,13 @@ def test_the_unit_is_told_by_the_encoders_step_or_by_the_size(factor, step, expe
     assert columns(alpha=counted(factor * SWING, step))["alpha"] == {"column": "alpha"} | expected
 
 
+def test_an_output_that_is_measured_now_and_then_is_drafted_too(tmp_path):
+    rarely = np.where(np.arange(TIME.size) % 5 == 0, SWING, np.nan)
+    draft = draft_project(written(tmp_path, theta=ARM, alpha=rarely, voltage=np.sin(TIME)))
+    assert draft.text.startswith("# good: 1000 samples")
+    assert "alpha is missing at 800 of 1,000 times: it is interpolated there, and not scored." in draft.notes
+
+
 @pytest.mark.few(1)
 @pytest.mark.parametrize(("factor", "step"), [(1.0, 1e-6), (180 / np.pi, 360 / 4096), (4096 / (2 * np.pi), 1.0)])
 @pytest.mark.parametrize("options", [None, {"alpha": {"column": "alpha"}, "theta": {"column": "theta"}}])

@@ -249,6 +249,18 @@ def test_an_output_without_a_sample_in_the_first_part_of_a_record_weighs_nothing
     assert np.all(late.until(0.1).experiments[0].scored.any(axis=0))
 
 
+def test_an_output_that_is_measured_later_on_may_have_moved_until_then():
+    alpha, rate = assayed()
+    starts = []
+    for begins in (0.0, 1.0):
+        p = of({"alpha": alpha, "rate": np.where(begins <= T, rate, np.nan)}, ["alpha", "rate"])
+        p = replace(p, experiments=(replace(p.experiments[0], initial={}),), initial_state="rest")
+        starts.append({u.target: (u.range.upper - u.range.lower) / np.nanmax(np.abs(rate)) for u in p.unknowns})
+    first, late = starts
+    assert first["rate"] < 0.5
+    assert late["rate"] > 4.0
+
+
 def test_blanks_of_an_output_leave_the_fit_of_the_rows_that_it_has():
     _, rate = assayed()
     blank, own = of({"rate": rate}, ["rate"]), ~np.isnan(rate)

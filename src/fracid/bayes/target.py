@@ -59,7 +59,7 @@ import numpy as np
 from fracid.arrays import BoolArray, FloatArray
 from fracid.errors import Failure, InputError
 from fracid.estimation.covariance import sandwich
-from fracid.estimation.derivatives import differences, row_weights, scores_of
+from fracid.estimation.derivatives import differences, row_weights, scores_of, slopes_of
 from fracid.estimation.long_records import as_fitted
 from fracid.estimation.profile_walk import refit
 from fracid.findings import Words
@@ -293,7 +293,7 @@ def calibrated(problem: Problem, x: FloatArray, *, jobs: int = 1) -> tuple[Recor
     roots = row_weights(bare, J.errors)
     projection = tuple((-(w**2)[..., None] * j) @ estimator.inverse for w, j in zip(roots, J.parts, strict=True))
     scale = len(bare.outputs) * best.cost**2 if bare.cost_function.root else best.cost
-    gradient = np.sum([s.sum(axis=0) for s in scores_of(bare, J.errors, J.parts)], axis=0)
+    gradient = np.sum([s.sum(axis=0) for s in scores_of(slopes_of(bare, J.errors), J.parts)], axis=0)
     return RecordedLikelihood(bare, x, best.cost, scale, samples=effective_samples(J.errors, bare.scored),
                               curvature=curvature, precision=precision, degrees=degrees, errors=tuple(J.errors),
                               projection=projection, gradient=gradient), notes  # fmt: skip

@@ -28,7 +28,7 @@ from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
 from fracid.errors import Failure, InputError, at_least
 from fracid.estimation.covariance import METHODS, at_bound, residual_bandwidth, sandwich
-from fracid.estimation.derivatives import jacobian, loss_of, prior_curvature, scores_of
+from fracid.estimation.derivatives import jacobian, loss_of, prior_curvature, scores_of, slopes_of
 from fracid.estimation.likelihood_record import BootstrapBlock
 from fracid.problem import Problem
 from fracid.problem.checks import require_free
@@ -145,7 +145,7 @@ def bootstrap(
         for point, rng in zip(points, np.random.default_rng(seed).spawn(draws), strict=True):
             samples = [resampled(e, length, rng, median=median) for e in errors]
             pull = np.sqrt(2 * level * prior) * rng.standard_normal(len(free))
-            pull += np.sum([s.sum(axis=0) for s in scores_of(problem, samples, J)], axis=0)
+            pull += np.sum([s.sum(axis=0) for s in scores_of(slopes_of(problem, samples), J)], axis=0)
             point[free] -= shape.inverse @ pull
     blocks = sum(len(e) // length for e in errors)
     warning = (f"The residuals are autocorrelated over {length} samples, which leaves {blocks} blocks: the bootstrap's "

@@ -24,7 +24,7 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import BoolArray, FloatArray
 from fracid.arrowhead import Arrowhead, Blocks
 from fracid.estimation.block_jacobian import BlockJacobian
 from fracid.estimation.derivatives import prior_curvature, rows_of, scores_of
@@ -47,6 +47,10 @@ WHITENED = 0.97
 """Limit of the correlation that is taken out before S is estimated [AM]_."""
 
 
+Sequences = Sequence[tuple[BoolArray, float]]
+"""Outputs whose scores are one sequence, shape (n_outputs,), and its bandwidth [samples]: each output is in one."""
+
+
 @dataclass(frozen=True, eq=False)
 class Bread:
     """A⁻¹ = D + FCF′."""
@@ -67,8 +71,6 @@ class Equations:
     """√A_ii, by which all else was divided, shape (n_unknowns,)."""
     rows: list[FloatArray]
     """R of each recording, shape (n_rows, n_columns)."""
-    scores: list[FloatArray]
-    """Of each recording, shape (n_samples, n_columns)."""
     prior: FloatArray
     """What priors add to the diagonal of A, shape (n_unknowns,)."""
     level: float
@@ -86,15 +88,19 @@ def summed(blocks: Blocks, parts: Sequence[FloatArray]) -> FloatArray:
 
 def normal_equations(problem: Problem, J: BlockJacobian, free: NDArray[np.intp]) -> Equations:
     """Those of the unknowns `free`, by which J derives."""
-    rows, scores = [*rows_of(problem, J.errors, J.parts)], scores_of(problem, J.errors, J.parts)
+    rows = [*rows_of(problem, J.errors, J.parts)]
     prior, level = prior_curvature(problem, J.errors, free)
     norm = np.sqrt(summed(J.blocks, [np.einsum("ri,ri->i", r, r) for r in rows]) + prior)
     norm[norm == 0] = 1.0
-    for k, parts in enumerate(zip(rows, scores, strict=True)):
-        for tall in parts:  # in place: each is as long as its recording
-            tall /= norm[J.blocks.columns(k)]
+    for k, tall in enumerate(rows):  # in place: each is as long as its recording
+        tall /= norm[J.blocks.columns(k)]
     prior = prior / norm**2
-    return Equations(norm, rows, scores, prior, level=level, bread=bread_of(J.blocks, rows, np.sqrt(prior)))
+    return Equations(norm, rows, prior, level=level, bread=bread_of(J.blocks, rows, np.sqrt(prior)))
+
+
+def scores_in(norm: FloatArray, J: BlockJacobian, slopes: Sequence[FloatArray]) -> list[FloatArray]:
+    """Scores of each recording in the units of the normal equations, shape (n_samples, n_columns)."""
+    return [s / norm[J.blocks.columns(k)] for k, s in enumerate(scores_of(slopes, J.parts))]
 
 
 def bread_of(blocks: Blocks, rows: Sequence[FloatArray], prior: FloatArray) -> Bread:
@@ -153,36 +159,26 @@ def bread_of(blocks: Blocks, rows: Sequence[FloatArray], prior: FloatArray) -> B
 # --- the long-run covariance -----------------------------------------------------------------------------
 
 
-def _bandwidth(blocks: Blocks, scores: Sequence[FloatArray]) -> float:
-    """B of :func:`fracid.signals.correlation.sokal_bandwidth`, of all recordings one after the other.
+def block_long_run(blocks: Blocks, scores: Sequence[FloatArray]) -> tuple[list[FloatArray], float]:
+    """S of each recording's columns, whitened before and coloured after [AM]_, and the bandwidth.
+
+    By one correlation for all columns: by one for each, what nearly parallel columns of J have in common would not
+    cancel, and in a valley that is all.  The bandwidth is :func:`fracid.signals.correlation.sokal_bandwidth` of all
+    recordings one after the other.
 
     Parameters
     ----------
     scores : sequence of array, shape (n_samples, n_columns)
         Of each recording.
     """
-    s = len(blocks.shared)
-    lags = sum(map(len, scores)) // 4 + 1
+    s, lags = len(blocks.shared), sum(map(len, scores)) // 4 + 1
     covariance = np.zeros(lags)
     shared = np.concatenate([part[:, part.shape[1] - s :] for part in scores]).T
     own = (column for part in scores for column in part[:, : part.shape[1] - s].T)
     for column in chain(shared, own):
         products = products_by_lag(column)[:lags]
         covariance[: len(products)] += products
-    return sokal_lag(covariance)
-
-
-def block_long_run(blocks: Blocks, scores: Sequence[FloatArray]) -> tuple[list[FloatArray], float]:
-    """S of each recording's columns, whitened before and coloured after [AM]_, and the bandwidth.
-
-    By one correlation for all columns: by one for each, what nearly parallel columns of J have in common would not
-    cancel, and in a valley that is all.
-
-    Parameters
-    ----------
-    scores : sequence of array, shape (n_samples, n_columns)
-    """
-    rho, bandwidth = neighbour_correlation(scores, WHITENED), _bandwidth(blocks, scores)
+    rho, bandwidth = neighbour_correlation(scores, WHITENED), sokal_lag(covariance)
     return [bartlett_long_run(whitened(part, rho), bandwidth) / (1 - rho) ** 2 for part in scores], bandwidth
 
 
@@ -206,15 +202,15 @@ def window_sums(blocks: Blocks, scores: Sequence[FloatArray], bread: Bread) -> F
 # --- few samples -----------------------------------------------------------------------------------------
 
 
-def widening(blocks: Blocks, rows: Sequence[FloatArray], bread: Bread, bandwidth: float) -> FloatArray:
+def widening(blocks: Blocks, rows: Sequence[FloatArray], bread: Bread, sequences: Sequences) -> FloatArray:
     """By what standard errors from few samples must be widened, t(ν)/1.96/√(1 − f), shape (n_unknowns,).
 
     Parameters
     ----------
     rows : sequence of array, shape (n_samples, n_outputs, n_columns)
         R of each recording, A = Σ R'R.
-    bandwidth : float
-        B [samples].
+    sequences : sequence of tuple
+        Of the outputs.
 
     Examples
     --------
@@ -222,23 +218,24 @@ def widening(blocks: Blocks, rows: Sequence[FloatArray], bread: Bread, bandwidth
 
     >>> def of_mean(n, B):
     ...     bread = Bread(np.array([[1 / n]]), np.eye(1), np.empty((0, 1)))
-    ...     return widening(Blocks(np.array([-1]), np.array([0, n])), [np.ones((n, 1, 1))], bread, B).round(3).item()
+    ...     blocks, alone = Blocks(np.array([-1]), np.array([0, n])), np.ones(1, bool)
+    ...     return widening(blocks, [np.ones((n, 1, 1))], bread, [(alone, B)]).round(3).item()
     >>> of_mean(10, 0), of_mean(1000, 0), of_mean(1000, 99)
     (1.198, 1.002, 1.142)
     """
     from scipy.special import stdtrit  # Student's t; scipy.stats takes a second to import
 
-    total, K = np.zeros((3, len(blocks.recording))), 1 - np.arange(int(bandwidth) + 1) / (int(bandwidth) + 1)
-    along = []
+    total, along = np.zeros((3, len(blocks.recording))), []
+    shares = [(outputs, 1 - np.arange(int(B) + 1) / (int(B) + 1)) for outputs, B in sequences]
     for k, r in enumerate(rows):
         at = blocks.columns(k)
         G = bread.inverse[np.ix_(at, at)]
         values, vectors = np.linalg.eigh(G)
         along.append(r @ (vectors * np.sqrt(np.maximum(values, 0.0))))  # coordinates in which A⁻¹ is 1
         for i, v in zip(at, G, strict=True):  # one after the other: each is as long as the recording
-            total[:, i] += told_by_one(r @ v, along[k], K)
+            total[:, i] += sum(told_by_one(outputs * (r @ v), along[k], K) for outputs, K in shares)
     if blocks.own.size:
-        total += _told_by_others(blocks, rows, along, bread, share=K)
+        total += sum(_told_by_others(blocks, rows, along, bread, outputs=outputs, share=K) for outputs, K in shares)
     whole, scatter, leverage = total
     remainder = 1 - np.minimum(leverage / np.maximum(whole, 1e-300), TAKEN)
     degrees = np.maximum(whole**2 / np.maximum(scatter, 1e-300), 1.0)
@@ -265,8 +262,9 @@ def told_by_one(influence: FloatArray, along: FloatArray, share: FloatArray) -> 
 
 
 def _told_by_others(
-    blocks: Blocks, rows: Sequence[FloatArray], along: Sequence[FloatArray], bread: Bread, share: FloatArray
-) -> FloatArray:
+    blocks: Blocks, rows: Sequence[FloatArray], along: Sequence[FloatArray], bread: Bread,
+    outputs: BoolArray, share: FloatArray,
+) -> FloatArray:  # fmt: skip
     """The same of each recording's own unknowns in all others, by way of the shared ones, shape (3, n_unknowns).
 
     Parameters
@@ -289,7 +287,7 @@ def _told_by_others(
     every = np.zeros(len(first)), np.zeros((len(first), len(first))), np.zeros((s, s))
     for k, (r, coordinates) in enumerate(zip(rows, along, strict=True)):
         at, (n, _, w) = blocks.columns(k), r.shape
-        P = r @ bread.follow[at]
+        P = outputs[:, None] * (r @ bread.follow[at])
         Q = np.einsum("toi,toi->ti", P[..., first], P[..., second])
         length = next_fast_len(n + min(m, n), real=True)
         lags = np.zeros(length)

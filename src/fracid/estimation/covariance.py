@@ -14,7 +14,9 @@ This is the M-estimator's sandwich [H]_ with the long-run covariance of Newey an
 residuals that are correlated in time, as 20,000 samples of a 1 kHz recording are, where
 :math:`\sigma^2 (J'J)^{-1}` would promise intervals many times too narrow.  The bandwidth B is five correlation
 times of the scores, found from them by Sokal's window [S]_; the scores are whitened by their lag-one correlation
-before, and S is coloured again after (:mod:`fracid.estimation.block_covariance`).
+before, and S is coloured again after (:mod:`fracid.estimation.block_covariance`).  Outputs that are measured less often
+than others have an S and a bandwidth of their own, over their own samples, and the parts of S are added: what the
+residuals of the two have in common is not in it.
 
 **Few samples.**  Of some unknowns but a few samples tell: of an initial angle the first swing, of whatever is slow a
 handful of correlation times.  Their S is too small, since the fit has bent towards their errors, and it is itself
@@ -93,6 +95,7 @@ from fracid.estimation.block_covariance import (
     block_long_run,
     block_sandwiched,
     normal_equations,
+    scores_in,
     widening,
     window_sums,
 )
@@ -342,11 +345,9 @@ def at_bound(problem: Problem, x: FloatArray, *, jobs: int = 1) -> BoolArray:
     >>> {n: bool(held) for n, held in zip(problem.names, at_bound(problem, problem.start))}
     {'b_alpha': False, 'coulomb_alpha': True}
     """
-    at = (x <= problem.space.lower) | (x >= problem.space.upper)
-    if problem.blocks is not None or problem.cost_function.loss is None:
-        return np.asarray(at)
-    here = tangent(problem, x, jobs=jobs)
-    return np.asarray(at) if isinstance(here, Failure) else here.touching
+    flat = problem.blocks is None and problem.cost_function.loss is not None
+    here = tangent(problem, x, jobs=jobs) if flat else None
+    return here.touching if isinstance(here, Tangent) else (x <= problem.space.lower) | (x >= problem.space.upper)
 
 
 def sandwich(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> Sandwich | Failure:
@@ -382,27 +383,29 @@ def sandwich(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
 
 
 def _sandwich(problem: Problem, J: BlockJacobian, free: NDArray[np.intp]) -> Sandwich:
-    blocks, near, psi = J.blocks, normal_equations(problem, J, free), loss_of(problem).psi
-    bread, norm, scores, scale = near.bread, near.norm, near.scores, np.outer(near.norm, near.norm)
-    rounding = edges(problem, J.errors, J.parts, psi) if problem.blocks is None else None
-    if rounding is not None:  # an output that noise and rounding explain is left out of the scores
-        for s, slope, j, explained in zip(scores, slopes_of(problem, J.errors), J.parts, rounding.alone, strict=True):
-            if explained.any():
-                s -= np.einsum("to,toi->ti", explained * slope, j) / norm
-    # what an output that is measured now and then leaves is correlated from one of its samples to the next
-    apart = max(spacing(own) for e in problem.experiments for own in e.scored.T)
-    S, bandwidth = block_long_run(blocks, [np.add.reduceat(s, np.arange(0, len(s), apart)) for s in scores])
+    blocks, near, slopes = J.blocks, normal_equations(problem, J, free), slopes_of(problem, J.errors)
+    bread, norm, scale = near.bread, near.norm, np.outer(near.norm, near.norm)
+    rounding = edges(problem, J.errors, J.parts, loss_of(problem).psi) if problem.blocks is None else None
+    long_runs, sequences = list[list[FloatArray]](), list[tuple[BoolArray, float]]()
+    apart = np.max([[spacing(own) for own in e.scored.T] for e in problem.experiments], axis=0)
+    for step in np.unique(apart).tolist():  # what outputs leave is correlated from one of their samples to the next
+        outputs = apart == step
+        scores = scores_in(norm, J, [outputs * slope for slope in slopes])
+        if rounding is not None:  # an output that noise and rounding explain is left out of the scores
+            alone = [outputs * own * slope for own, slope in zip(rounding.alone, slopes, strict=True)]
+            scores = [s - part for s, part in zip(scores, scores_in(norm, J, alone), strict=True)]
+        long_run, bandwidth = block_long_run(blocks, [np.add.reduceat(s, np.arange(0, len(s), step)) for s in scores])
+        long_runs.append(long_run)
+        sequences.append((outputs, step * bandwidth))
     samples = [r.reshape(len(e), -1, r.shape[1]) for r, e in zip(near.rows, J.errors, strict=True)]
-    wider = widening(blocks, samples, bread, apart * bandwidth)
-    windows = problem.blocks is not None and len(problem.recordings) < len(problem.experiments)
-    sums = window_sums(blocks, scores, bread) if windows else None
+    wider = widening(blocks, samples, bread, sequences)
     known, inverse = 2 * near.level * near.prior, bread.inverse
     del near, scores, samples  # as large as all recordings, and squares of all unknowns follow
-    covariance = block_sandwiched(blocks, inverse, S, known)
+    covariance = block_sandwiched(blocks, inverse, (np.sum(S, axis=0) for S in zip(*long_runs, strict=True)), known)
     white = block_sandwiched(blocks, inverse, _white(problem, J, norm), known)
-    if sums is not None:
+    if problem.blocks is not None and len(problem.recordings) < len(problem.experiments):
         # an error that lasts longer than a window, as the rounding of an angle that hardly moves, is seen in none
-        C = inverse[np.ix_(blocks.shared, blocks.shared)]
+        sums, C = window_sums(blocks, scores_in(norm, J, slopes), bread), inverse[np.ix_(blocks.shared, blocks.shared)]
         from_window_to_window = np.diag(C @ bartlett_long_run(sums, len(sums) ** (1 / 3)) @ C)
         here = np.diag(covariance)[blocks.shared] * wider[blocks.shared] ** 2
         ratio = np.divide(from_window_to_window, here, out=np.ones_like(here), where=here > 0)
@@ -458,8 +461,7 @@ def residual_bandwidth(errors: list[FloatArray]) -> float:
     """
     scatter = np.std(np.concatenate(errors), axis=0)
     pieces = [(e - e.mean(axis=0)) / np.where(scatter > 0, scatter, 1.0) for e in errors]
-    longest = max(sokal_bandwidth(piece) for piece in pieces)
-    return float(min(longest, min(map(len, errors)) // 4))
+    return float(min(max(map(sokal_bandwidth, pieces)), min(map(len, errors)) // 4))
 
 
 def half_width(precision: Known, x: FloatArray, i: int) -> float:

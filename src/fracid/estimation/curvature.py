@@ -39,8 +39,8 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
-from fracid.estimation.block_covariance import normal_equations, summed
-from fracid.estimation.derivatives import by_blocks, jacobian, row_weights
+from fracid.estimation.block_covariance import normal_equations, scores_in, summed
+from fracid.estimation.derivatives import by_blocks, jacobian, row_weights, slopes_of
 from fracid.problem import Problem
 from fracid.problem.unknowns import InitialState
 
@@ -87,7 +87,8 @@ def curvature(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: 
     near, criterion = normal_equations(problem, J, free), problem.criterion
     off = np.array([x[i] - criterion.priors[i].mean if i in criterion.priors else 0.0 for i in free.tolist()])
     loosened = 1 + float(np.sum(criterion.prior_residuals(x) ** 2)) / criterion.prior_samples
-    pull = summed(J.blocks, [s.sum(axis=0) for s in near.scores]) + near.prior * near.norm * off / loosened
+    scores = scores_in(near.norm, J, slopes_of(problem, J.errors))
+    pull = summed(J.blocks, [s.sum(axis=0) for s in scores]) + near.prior * near.norm * off / loosened
     return Curvature(free, near.bread.inverse / np.outer(near.norm, near.norm), near.norm * pull)
 
 

@@ -116,9 +116,9 @@ def difference_steps(problem: Problem, x: FloatArray) -> FloatArray:
     return DIFFERENCE * problem.space.sizes(x)
 
 
-def scores_of(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> list[FloatArray]:
-    """Of each recording, shape (n_samples, n_columns)."""
-    return [np.einsum("to,toi->ti", slope, j) for slope, j in zip(slopes_of(problem, errors), J, strict=True)]
+def scores_of(slopes: Sequence[FloatArray], J: Sequence[FloatArray]) -> Iterator[FloatArray]:
+    """Of each recording from its slopes, shape (n_samples, n_columns)."""
+    return (np.einsum("to,toi->ti", slope, j) for slope, j in zip(slopes, J, strict=True))
 
 
 def slopes_of(problem: Problem, errors: list[FloatArray]) -> list[FloatArray]:

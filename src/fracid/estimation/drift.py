@@ -14,8 +14,8 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
-from fracid.estimation.block_covariance import normal_equations, window_sums
-from fracid.estimation.derivatives import by_blocks
+from fracid.estimation.block_covariance import normal_equations, scores_in, window_sums
+from fracid.estimation.derivatives import by_blocks, slopes_of
 from fracid.problem import Problem
 from fracid.quantiles import NORMAL_95
 from fracid.signals.correlation import bartlett_long_run
@@ -36,8 +36,7 @@ class Drift:
 
 def drift_of(problem: Problem, x: FloatArray) -> Drift | None:
     """The friction that changes most surely while the recordings of a problem in windows last, if one does."""
-    inside = (x > problem.space.lower) & (x < problem.space.upper) & ~problem.absent(x)
-    free = np.flatnonzero(inside)
+    free = np.flatnonzero((x > problem.space.lower) & (x < problem.space.upper) & ~problem.absent(x))
     if problem.blocks is None or not problem.in_windows:
         return None
     J = by_blocks(problem, x, free)
@@ -45,7 +44,7 @@ def drift_of(problem: Problem, x: FloatArray) -> Drift | None:
         return None
     blocks, near = J.blocks, normal_equations(problem, J, free)
     seen = [r @ near.bread.follow[blocks.columns(k)] for k, r in enumerate(near.rows)]
-    sums = window_sums(blocks, near.scores, near.bread)
+    sums = window_sums(blocks, scores_in(near.norm, J, slopes_of(problem, J.errors)), near.bread)
     minutes = np.array([e.start + e.time[-1] / 2 for e in problem.experiments]) / 60
     for _, part in problem.recordings.values():
         minutes[part] -= np.mean(minutes[part])

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, spacing
 from fracid.errors import Failure, InputError, refuse_unknown
 from fracid.figures import Style
 from fracid.plots.appearance import BLUE, VERMILLION, axis_unit, finish, label, line, new, plain, symbol, unknown_label
@@ -114,9 +114,10 @@ def posterior_predictive(posterior: Posterior, *, style: str | Style = "screen")
     panels = figure.subplots(len(outputs), 1, squeeze=False)[:, 0]
     for o, (axes, output) in enumerate(zip(panels, outputs, strict=True)):
         unit, factor = axis_unit(e.units.get(output, "rad"))
-        time = e.start + e.time
-        residual = np.where(e.scored[:, o], e.measured[:, o] - fitted[:, o], np.nan)
-        line(axes, time, factor * residual, color="0.7", lw=0.8, label="residual (measured − fitted)")
+        time, own = e.start + e.time, e.scored[:, o]
+        residual = np.where(own, e.measured[:, o] - fitted[:, o], np.nan)
+        shown = own if spacing(own) > 1 else np.ones_like(own)  # what is measured now and then from sample to sample
+        line(axes, time[shown], factor * residual[shown], color="0.7", lw=0.8, label="residual (measured − fitted)")
         if len(curves):
             low, high = (factor * np.quantile(curves[:, :, o], q, axis=0) for q in (0.025, 0.975))
             axes.fill_between(time, low, high, color=BLUE, alpha=0.7, lw=0, zorder=3,

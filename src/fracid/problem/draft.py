@@ -49,7 +49,7 @@ from typing import Any
 
 import numpy as np
 
-from fracid.arrays import BoolArray, ByName, FloatArray
+from fracid.arrays import BoolArray, ByName, FloatArray, spacing
 from fracid.errors import InputError
 from fracid.findings import Words, with_code
 from fracid.models import RIGS, Model, rotary_pendulum
@@ -150,12 +150,17 @@ class Source:
         """The recording, however unfit."""
         return inspect_recording(self.file, columns, time=self.time, variable=self.variable, **part)
 
-    def fit(self, columns: Mapping[str, Mapping[str, Any]], **part: Any) -> Recording:
-        """The recording as the draft takes it, its blanks bridged; one of which nothing can be made is refused."""
+    def fit(self, columns: Mapping[str, Mapping[str, Any]], inputs: Collection[str], **part: Any) -> Recording:
+        """The recording as the draft takes it, its blanks bridged; one of which nothing can be made is refused.
+
+        Those of outputs too where one is measured now and then; of one that drops out the part without is looked for.
+        """
         recording = self.read(columns, **part)
         if why_uneven(recording):
             recording = self.read(columns, uneven=True, **part)
-        recording = recording.bridge_blanks()
+        outputs = [n for n in columns if n not in inputs]
+        rarely = any(spacing(np.isfinite(recording.signals[n])) > 1 for n in outputs)
+        recording = recording.bridge_blanks(outputs if rarely else ())
         for why in recording.report.unusable:
             raise InputError(f"{self.file.name}: {why}")
         return recording
@@ -315,7 +320,7 @@ def draft_project(
     part: dict[str, float | None] = {}
 
     def read() -> Recording:
-        return source.fit(column_specs, **part)
+        return source.fit(column_specs, ("voltage",), **part)
 
     refuse_other_clock(read(), source, ("alpha", "theta"))
     for complete in (_units, _wraps):

@@ -256,8 +256,13 @@ class Experiment(CardDisplay):
         late = max((s.latest for s in self.sensors.values()), default=0.0)
         slack, clock = 1e-6 * self.step, self.start + self.time
         counts = (self.time >= late - slack) & ~within(clock, self.mask, slack)
-        blanks = self.blanks or [()] * self.measured.shape[1]
-        return np.column_stack([counts & ~within(clock, blank, slack) for blank in blanks])
+        return counts[:, None] & ~self.blank
+
+    @property
+    def blank(self) -> BoolArray:
+        """Where an output was not measured, and others were, shape (n_samples, n_outputs)."""
+        clock, spans = self.start + self.time, self.blanks or [()] * self.measured.shape[1]
+        return np.column_stack([within(clock, own, 1e-6 * self.step) for own in spans])
 
     @cached_property
     def partly(self) -> BoolArray | None:
@@ -272,7 +277,7 @@ class Experiment(CardDisplay):
     @property
     def sparse(self) -> bool:
         """Whether an output is blank in more of the rows than those that are bridged: it is measured now and then."""
-        return any(np.mean(within(self.start + self.time, blank)) > BLANK for blank in self.blanks)
+        return bool(np.any(np.mean(self.blank, axis=0) > BLANK))
 
     def until(self, horizon: float) -> Experiment:
         """Keep the first `horizon` seconds, those that are not scored beside them; more until each output has one."""

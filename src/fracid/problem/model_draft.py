@@ -178,7 +178,7 @@ class _ModelPage:
 
     def _recording_of(self, source: Source, columns: Columns) -> Recording:
         read = {n: {k: v for k, v in c.items() if k not in (*QUANTITIES, "between")} for n, c in columns.items()}
-        file, recording = source.file, source.fit(read)
+        file, recording = source.file, source.fit(read, self.model.inputs)
         refuse_other_clock(recording, source, (self.model.pendulum,))
         if len(recording.time) < FEWEST:
             raise InputError(f"{file.name} has {len(recording.time)} samples; expected {FEWEST} or more.")

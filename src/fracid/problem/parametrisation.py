@@ -281,11 +281,11 @@ class Parametrisation:
     def _initial_unknowns(self, e: Experiment) -> Iterator[Unknown]:
         own = {n: v for n, v in e.initial.items() if isinstance(v, Free)}
         guess = self._initial_guess(e, self._model_starts[1]).tolist()
-        reach: dict[int, tuple[float, str]] = {}
+        reach, late = dict[int, tuple[float, str]](), e.blank[0]  # what is measured later on may have moved until then
         for k, (name, size) in enumerate(zip(self.outputs, self.sizes(e).tolist(), strict=True)):
             i, unit = self.model.output_states.get(name, -1), e.units.get(name, "rad")
             if i >= 0 and self.initial_state in ("estimate", "rest"):
-                reach[i] = 0.2 * size, unit
+                reach[i] = (3.0 if late[k] else 0.2) * size, unit
             if self.initial_state == "estimate" and i in self.rates:
                 j, steps = self.rates[i], np.abs(np.diff(e.sampled.measured[:, k]))
                 fastest = 0.0 if unit == "rad" else float(np.max(steps, initial=0.0)) / e.sampled.step

@@ -147,8 +147,7 @@ def sokal_bandwidth(scores: FloatArray) -> float:
     True
     """
     n = len(scores)
-    covariance = sum((products_by_lag(s)[: n // 4 + 1] for s in scores.T), np.zeros(n // 4 + 1))
-    return sokal_lag(covariance)
+    return sokal_lag(sum((products_by_lag(s)[: n // 4 + 1] for s in scores.T), np.zeros(n // 4 + 1)))
 
 
 def sokal_lag(covariance: FloatArray) -> float:

@@ -111,7 +111,8 @@ def swing_period(signal: FloatArray) -> float:
     period, length = _period_about_the_middle(signal), signal.size // 2
     while length >= max(SHORTEST, signal.size // MOST_PARTS):
         starts = np.linspace(0, signal.size - length, min(LOOKED_AT, signal.size // length)).astype(int)
-        moving = [part for part in (signal[k : k + length] for k in starts) if _moves_clearly(part)]
+        parts = (signal[k : k + length] for k in starts)  # of which some move clearly
+        moving = [p for p in parts if np.ptp(p) > max(4 * CLEAR * white_noise(p), 10 * (resolution(p) or 0.0))]
         local = [p for p in map(_period_about_the_middle, moving) if SWINGS_OF_A_PART * p <= length]
         if 2 * len(local) > len(moving):
             return float(np.median(local)) if np.median(local) < period / WANDERS else period
@@ -129,11 +130,6 @@ SHORTEST, MOST_PARTS, LOOKED_AT, SWINGS_OF_A_PART = 64, 1024, 16, 6.0
 def _period_about_the_middle(signal: FloatArray) -> float:
     turns = half_swings(signal)
     return float(np.median(turns[2:] - turns[:-2])) if turns.size >= FEWEST else math.inf
-
-
-def _moves_clearly(part: FloatArray) -> bool:
-    """Tell whether it is more than its noise, and than a few steps of its lattice."""
-    return bool(np.ptp(part) > max(4 * CLEAR * white_noise(part), 10 * (resolution(part) or 0.0)))
 
 
 def common_period(signals: FloatArray) -> float:

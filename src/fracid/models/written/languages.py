@@ -226,8 +226,7 @@ class Writer:
             match s:
                 case Assign(target, value, note):
                     again = isinstance(target, Name) and target.name in later & set().union(*given[k + 1 :])
-                    once = not loops and not again
-                    word = self.say("once" if once else "variable") if first else ""
+                    word = self.say("variable" if loops or again else "once") if first else ""
                     yield pad + self._remark(word + self.say("statement", self.assigned(target, value)), note)
                 case If(test, yes, no, note):
                     yield pad + self._remark(self.say("if", self.expression(test)), note)
