@@ -292,6 +292,35 @@ def test_the_zero_of_an_angle_is_free_in_each_recording(tmp_path, model):
     assert "angle_rest [log]" in problem.names
 
 
+@pytest.mark.parametrize(("zero", "middle", "rests"), [
+    (0.6, 0.6, "hanging"), (-1.3, -1.3, "hanging"), (2.0, 2.0 - np.pi, "upright"), (-6.5, 2 * np.pi - 6.5, "hanging"),
+])  # fmt: skip
+def test_a_swing_is_drafted_about_where_it_swings_wherever_the_zero_of_its_angle_lies(tmp_path, zero, middle, rests):
+    t = np.arange(0, 8, 0.01)
+    text, problem = drafted(tmp_path, "pendulum", "t,angle [rad]", t, zero + np.exp(-0.1 * t) * np.cos(6 * t))
+    assert problem.parameters["angle_rest"].start == pytest.approx(middle, abs=0.1)
+    assert f'zero = "{rests}"' in text
+    assert {"angle_rest [log]", "drag_angle"} <= {*problem.names}  # the air's, too
+
+
+@pytest.mark.parametrize("zero", [0.0, 0.02, -0.3])
+def test_the_zero_of_a_displacement_is_free_from_where_it_moves_about(tmp_path, zero):
+    t = np.arange(0, 8, 0.01)
+    _, problem = drafted(tmp_path, "oscillator", "t,displacement [m]", t, zero + 0.1 * np.exp(-0.1 * t) * np.cos(6 * t))
+    rest = problem.parameters["displacement_rest"]
+    assert rest.start == pytest.approx(zero, abs=0.005)
+    assert rest.lower < zero - 0.02 < zero + 0.02 < rest.upper
+    assert problem.parameters["k"].start == pytest.approx(36.0, rel=0.1)
+
+
+def test_the_offset_of_a_load_cell_is_free_where_the_recording_has_one(tmp_path):
+    t = np.arange(0, 60, 0.1)
+    stretch = 0.02 * np.clip(t - 1, 0, 1)
+    force = 5.0 + 300 * stretch + 4 * np.clip(t - 1, 0, 1) * (1 + np.clip(t - 2, 0, None)) ** -0.3
+    _, problem = drafted(tmp_path, "relaxation", "t,stretch [m],force [N]", t, stretch, force)
+    assert problem.parameters["force_rest"].start == pytest.approx(5.0, rel=0.2)
+
+
 def test_a_zero_that_is_taken_at_rest_stays(tmp_path):
     t = np.arange(0, 40, 0.01)
     swing = np.round(np.exp(-0.5 * t) * np.cos(6 * t) + 0.02, 3)

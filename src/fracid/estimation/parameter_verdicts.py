@@ -69,7 +69,7 @@ WIDE_PART = 0.5
 """The same for what a presliding joint has given at the start, of all that it gives."""
 
 WIDE_REST = 0.05
-"""The same for where something rests, which may well be 0: an angle [rad], or in parts of the motion of what is none."""
+"""The same for where something rests, which may well be 0: an angle [rad]; else in parts of how far it moves."""
 
 STILL = 1e-2
 """A coordinate that moves by less than this part of the one that moves most stands still."""

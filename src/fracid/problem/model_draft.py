@@ -45,6 +45,9 @@ SPAN = 10.0
 STILL = 2.0
 """Steps of an encoder within which it is at a standstill: it rounds, and its lines between samples do not."""
 
+SLIGHT = 0.1
+"""An angle of rest that is looked for from 0 [rad]."""
+
 POOR = 0.5
 """Below this share the equations at their first values hardly explain a recording."""
 
@@ -327,10 +330,25 @@ class _ModelPage:
         sought = [n for n in rows if self.sought(n) and not (rows[n]["start"] == 0.0 and self.grows(n))]
         free = [n for n in sought if rows[n]["start"] != 0.0 or rows[n].get("free") or self._slides(n)]
         optional = [n for n in sought if rows[n]["start"] == 0.0 and not self._slides(n)]
-        middles = {rest: (n, float(np.median(x))) for n, x in signals.items() if (rest := model.rest_of(n)) in free}
-        signals |= {n: signals[n] - middle for n, middle in middles.values()}
+        signals |= {n: signals[n] - self.middles.get(model.rest_of(n), 0.0) for n in self.outputs if n in signals}
         found = first_values(model, r.report.clock.step, signals, free, optional=optional, starts=starts)
-        return replace(found, values={**found.values, **{n: found.values[n] + middle for n, (_, middle) in middles.items()}})
+        return replace(found, values={n: v + self.middles.get(n, 0.0) for n, v in found.values.items()})
+
+    @cached_property
+    def middles(self) -> dict[str, float]:
+        """Parameter that says where an output rests → about what it moves in the end.
+
+        An angle is left at 0 where it is slight, or where something drives it; `zero` says whether it hangs there.
+        """
+        r, found = self.recordings[0], dict[str, float]()
+        for n in (n for n in self.outputs if self.model.rest_of(n) and "bias" not in self.columns[n]):
+            rest, middle = self.model.rest_of(n), float(np.nanmedian(r.signals[n][-len(r.time) // 3 :]))
+            looked_for = self.sought(rest)
+            if self.model.output_unit(n) == "rad":
+                middle -= math.pi * round(middle / math.pi)
+                looked_for = not looked_for and abs(middle) > SLIGHT and not moving_inputs(r, self.model)
+            found |= {rest: middle} if looked_for else {}
+        return found
 
     def sought(self, name: str) -> bool:
         """Whether a parameter is to be found from the recording."""
@@ -355,7 +373,7 @@ class _ModelPage:
         named = {self.model.rest_of(n) for n, c in self.columns.items()
                  if n in self.outputs and "bias" not in c and c.get("zero") != "rest"}  # fmt: skip
         return [p.name for p in self.model.parameters if p.name in named
-                and (p.name in self.first.values or p.unit == "rad" and not self.sought(p.name))]  # fmt: skip
+                and (p.name in self.first.values or (p.unit == "rad" and not self.sought(p.name)))]  # fmt: skip
 
     def draft(self) -> Draft:
         """The text, what was guessed, and the columns."""
@@ -374,10 +392,10 @@ class _ModelPage:
         reach = self.first.reach.get(p.name, 0.0)
         if self._slides(p.name):
             start = max(start, self.model.friction[p.name].begins * reach)
-        wide = max(SPAN * abs(start), reach if start == 0.0 else 0.0)
         off = p.value == 0.0 or p.name in self.model.friction
+        wide = max(SPAN * abs(start), reach if off or start == 0.0 else 0.0)
         lower = (0.0 if off or p.lower == 0.0 else start / SPAN) if p.lower >= 0.0 else -wide
-        return start, max(lower, p.lower), min(max(wide, reach if off else 0.0), p.upper)
+        return start, max(lower, p.lower), min(wide, p.upper)
 
     def states_of(self, order: str) -> list[str]:
         """The states that have an order."""
