@@ -17,7 +17,7 @@ RIGS = {
     "pendulum": ({"drag_angle": 1e-4, "b_angle": 1e-3, "angle_rest": 0.1}, {"angle": 1.0}, 0.02),
     "joint": ({"gravity": 0.1, "spring_angle": 0.05, "angle_rest": 0.1, "level": 0.2, "drag_angle": 1e-3, "mass": 0.2,
                "length": 0.08}, {}, 0.1),
-    "cart-pole": ({}, {"angle": 0.6}, 2.0),
+    "cart-pole": ({"drag_angle": 1e-3}, {"angle": 0.6}, 2.0),
     "two-mass": ({}, {}, 0.1),
     "rotary-pendulum": ({"b_theta": 1e-2, "b_alpha": 2e-4, "drag_alpha": 1e-5, "cable_stiffness": 1e-2,
                          "theta_rest": 0.1, "alpha_rest": 0.02, "back_emf": 1e-3}, {"alpha": 0.5}, 1.0),

@@ -33,7 +33,7 @@ def cart_pole(x, u, p):
     s, c, first = math.sin(angle - p["angle_rest"]), math.cos(angle - p["angle_rest"]), p["ml"]
     mass = np.array([[p["M"], first * c], [first * c, p["J"]]])
     cart = u["force"] + first * s * rate**2 - p["b_position"] * speed
-    pole = -first * p["g"] * s - p["b_angle"] * rate
+    pole = -first * p["g"] * s - (p["b_angle"] + p["drag_angle"] * abs(rate)) * rate
     dry = (p["coulomb_position"] * smooth(speed, p["slip_speed"]), p["coulomb_angle"] * smooth(rate, p["slip_rate"]))
     along, about = np.linalg.solve(mass, np.array([cart, pole]) - dry)
     return speed, along, rate, about
@@ -177,7 +177,7 @@ def test_friction_is_known_by_its_name_and_its_joint_too():
     friction = fracid.model("cart-pole").friction
     assert {n: (k.rung, k.joint) for n, k in friction.items()} == {
         "b_position": ("viscous", "position"), "coulomb_position": ("Coulomb", "position"),
-        "b_angle": ("viscous", "angle"), "coulomb_angle": ("Coulomb", "angle"),
+        "b_angle": ("viscous", "angle"), "coulomb_angle": ("Coulomb", "angle"), "drag_angle": ("drag", "angle"),
     }  # fmt: skip
 
 
