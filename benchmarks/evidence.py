@@ -43,6 +43,7 @@ from fracid.problem.costs import COSTS
 from fracid.quantiles import NORMAL_95
 from fracid.recording import Recording
 from fracid.regression import LUMPED
+from fracid.validation.after_search import with_start
 from fracid.validation.unknown_past import cut_check, whole_records
 
 
@@ -163,7 +164,7 @@ def noisy_start(seeds=120):
     limits = (0.0, 1.0, 1.5, 3.0, np.inf)
     print(f"\nCoverage of the 95 % intervals, by the CI half-widths that the start's noise moves it; {seeds} seeds")
     for named in ({}, {"theta": 0.0}, {"theta": 0.0, "alpha": alpha}):
-        moved, held = [], []
+        moved, held, wider = [], [], []
         for seed in range(seeds):
             y = run.states[:, [0, 2]] + 1e-3 * np.random.default_rng(seed).standard_normal((len(run.time), 2))
             swing = Experiment("release", 8e-3, y, np.zeros((1, 1)), initial=named)
@@ -174,12 +175,14 @@ def noisy_start(seeds=120):
             shift = start_shift(problem, x, curvature(problem, x, np.arange(2)), noise)
             moved += [*(np.zeros(2) if shift is None else shift / known.standard_error)]
             held += [*(abs(x - true) < NORMAL_95 * known.standard_error)]
+            wider += [*(abs(x - true) < NORMAL_95 * with_start(problem, x, known).standard_error)]
         moved, held = np.array(moved), np.array(held)
         inside = {(a, b): held[(moved >= a) & (moved < b)] for a, b in pairwise(limits)}
         words = ", ".join(
             f"{a:g} to {b:g}: {100 * np.mean(h):.0f} % of {len(h)}" for (a, b), h in inside.items() if len(h)
         )
         print(f"  named: {', '.join(named) or 'nothing':12} {100 * np.mean(held):.0f} %; {words}", flush=True)
+        print(f"    {100 * np.mean(wider):.0f} % by the intervals of a fit, the start included", flush=True)
 
 
 def cut():

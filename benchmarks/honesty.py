@@ -39,7 +39,7 @@ from fracid.optimise import Evaluation
 from fracid.problem import Experiment, Free, Problem
 from fracid.quantiles import NORMAL_95
 from fracid.solver.memory import compressed
-from fracid.validation.after_search import after
+from fracid.validation.after_search import after, noisy_start, with_start
 from fracid.validation.before_search import before
 from fracid.validation.discretisation import coarse_step, discretisation_check
 from fracid.validation.misfits import POOR
@@ -175,6 +175,7 @@ def ask(problem: Problem, codes: tuple[str, ...], start: Problem | None = None) 
     best = refined(problem, problem.start, Watch(), budget=BUDGET).best
     known = uncertainty(problem, best.point)
     found += (*after(problem, best.point, known), *poor(problem, best))
+    found += noisy_start(problem, best.point, with_start(problem, best.point, known))
     if "step" in codes:
         found += tuple(coarse_step(problem, discretisation_check(problem, best.point, known, 1)))
     return Said(found, off(problem, best, known))

@@ -66,12 +66,13 @@ def repetition(seed, kind):
 
 
 def integer(seed, kind):
-    """The log odds of order 1 against a free one, of a twin of order 1."""
+    """The log odds of order 1 against a free one, of a twin of order 1; None of draws that cannot be trusted."""
     _, problem = twin(seed, kind, orders=(1.0, 1.0))
     free = replace(problem, orders={"lambda": 1.0, "mu": Free(1.0, 0.85, 1.15)})
     one = replace(problem, orders={"lambda": 1.0, "mu": 1.0})
     with one_blas_thread():
-        return fracid.log_odds(*(fracid.posterior(p, draws=DRAWS, seed=seed) for p in (one, free)))
+        drawn = [fracid.posterior(p, draws=DRAWS, seed=seed) for p in (one, free)]
+    return fracid.log_odds(*drawn) if all(d.trusted for d in drawn) else None
 
 
 def main():
@@ -87,7 +88,8 @@ def main():
     study = {"prior": {n: list(b) for n, b in PRIOR.items()}, "noise": options.noise, "draws": DRAWS}
     if options.integer:
         with fracid.Journal(options.out / f"integer-{options.noise}.jsonl", study) as journal:
-            odds = list(fracid.run_tasks(integer, tasks, jobs=options.jobs, journal=journal).values())
+            values = fracid.run_tasks(integer, tasks, jobs=options.jobs, journal=journal).values()
+        odds = [v for v in values if v is not None]
         favoured, least, most = int(np.sum(np.array(odds) > 0)), min(odds), max(odds)
         print(f"{options.noise} noise: the odds favour order 1 in {favoured} of {len(odds)} twins of order 1,")
         print(f"  by {least:.1f} to {most:.1f} nats")

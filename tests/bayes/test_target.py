@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import fracid
+from fracid.bayes import inference
 from fracid.bayes.evidence import laplace_evidence, require_evidence
+from fracid.bayes.laplace import WeightedDraws
 from fracid.bayes.target import approximation, calibrated, joint_prior
 from fracid.errors import InputError
 from fracid.estimation.covariance import uncertainty
@@ -136,6 +138,20 @@ def test_evidence_of_a_parameter_without_bounds_is_refused(swing):
     with pytest.raises(InputError, match="no bounds, such as b_alpha: give it a lower and an upper one, or a prior"):
         require_evidence(free)
     require_evidence(replace(swing, parameters={"b_alpha": Free(2e-4, 0.0, np.inf, prior=Prior(2e-4, 1e-4))}))
+
+
+def test_nested_draws_that_missed_the_minimum_are_not_trusted_and_give_no_odds(swing, monkeypatch):
+    points = joint_prior(swing).from_unit(np.random.default_rng(1).random((200, 3)))
+    sample = WeightedDraws(points, np.full(200, -np.log(200)), -118.0, evidence_error=0.02, simulations=9000)
+    monkeypatch.setattr(inference, "nested_sample", lambda *_, **how: sample)
+    missed = fracid.posterior(swing, method="nested")
+    assert not missed.trusted
+    about = laplace_evidence(swing, missed.x).log_evidence
+    assert missed.log_mass == pytest.approx(about, abs=0.1)
+    assert missed.sentence.startswith("The draws cannot be trusted: they missed the minimum of the fit. Their log ev")
+    with pytest.raises(InputError, match=r"no odds of rotary-pendulum\. .* log evidence is -118\.0, .* Narrow"):
+        fracid.log_odds(missed, missed)
+    assert replace(missed, log_evidence=about).trusted
 
 
 @pytest.mark.broad

@@ -148,6 +148,24 @@ def test_with_the_slopes_of_its_inputs_its_outputs_are_those_of_fracid(tmp_path,
 
 
 @pytest.mark.broad
+def test_where_an_input_jumps_an_output_is_that_before_it_until_the_new_value_is_set(tmp_path):
+    problem = problem_of("capacitor", "hold")
+    (e,), shown = problem.experiments, ["state.v", *problem.model.outputs]
+    unit, R = Unit(archive(tmp_path, problem), tmp_path / "unit"), problem.model.parameter("R").value
+    before, after = np.zeros((2, STEPS))
+    for n in range(STEPS):
+        unit.set({"current": e.inputs[n, 0]})
+        unit.fmu.doStep(n * STEP, STEP)
+        v, before[n] = unit.get(shown)
+        assert before[n] == pytest.approx(v + R * e.inputs[n, 0], abs=1e-12)
+        unit.set({"current": e.inputs[n + 1, 0]})
+        after[n] = unit.get(shown)[1]
+    ours = problem.fitted(problem.start, e)[1:]
+    agree(after[:, None], ours)
+    assert np.max(np.abs(before - ours[:, 0])) == pytest.approx(R * np.max(np.abs(np.diff(e.inputs[:, 0]))))
+
+
+@pytest.mark.broad
 def test_a_state_that_is_saved_is_gone_on_from_and_survives_as_bytes(tmp_path):
     problem = problem_of("joint")
     unit = Unit(archive(tmp_path, problem), tmp_path / "unit")

@@ -123,6 +123,17 @@ def test_an_order_is_worth_more_than_two_relaxations_in_white_and_in_coloured_no
 
 
 @pytest.mark.broad
+def test_the_noise_of_the_start_does_not_speak_against_an_order_whose_interval_includes_it():
+    T = fractional_body(0.6)
+    problem = problem_of(T + 0.01 * np.std(T) * noise(1), "line")
+    (twin,) = problem.experiments
+    fit = identify(replace(problem, experiments=(replace(twin, initial={}),)), fixed_step=False)
+    assert fit.warning_codes == ("noisy-start",)
+    assert fit.findings == ()
+    assert fit.claim == "fractional", fit.claim_reasons
+
+
+@pytest.mark.broad
 @pytest.mark.parametrize("seed", [0, 1])
 def test_relaxations_are_no_better_in_coloured_noise_by_what_a_step_misses_where_an_input_jumps(seed):
     pulses = np.arange(COUNT) // 80 % 2.0

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.bayes.laplace import importance_sample
+from fracid.bayes.laplace import importance_sample, log_mass_about
 from fracid.bayes.nested import nested_sample
 from fracid.bayes.result import METHODS, Posterior
 from fracid.bayes.target import SAYS, RecordedLikelihood, approximation, calibrated, joint_prior
@@ -112,18 +112,18 @@ def posterior(
     notes += _other_minima(problem, likelihood, [s.end for s in starts] if isinstance(starts, tuple) else [])
     prior, how = joint_prior(problem), {"draws": draws, "seed": seed}
     execution, unbounded = Execution(executor, jobs, journal, progress), [problem.names[i] for i in prior.unbounded]
-    if method == "laplace":
-        bounded = at_bound(as_fitted(problem, likelihood.centre), likelihood.centre, jobs=jobs)
-        if bounded.any():
-            names = " and ".join(problem.names[i] for i in np.flatnonzero(bounded))
-            notes += (f"At a bound, and drawn from there inwards: {names}.",)
-        shape = approximation(likelihood, prior, bounded)
+    if unbounded and method == "nested":
+        raise InputError(SAYS("no-bounds", unbounded=" and ".join(unbounded)))
+    bounded = at_bound(as_fitted(problem, likelihood.centre), likelihood.centre, jobs=jobs)
+    shape = approximation(likelihood, prior, bounded)
+    if method == "nested":
+        sample = nested_sample(likelihood, prior, **how, execution=execution)
+        sample = replace(sample, log_mass=log_mass_about(likelihood, prior, shape, seed=seed, execution=execution))
+    else:
+        names = " and ".join(problem.names[i] for i in np.flatnonzero(bounded))
+        notes += (f"At a bound, and drawn from there inwards: {names}.",) * bool(names)
         sample = importance_sample(likelihood, prior, shape, **how, execution=execution)
         sample = replace(sample, log_evidence=math.nan) if unbounded else sample
-    elif unbounded:
-        raise InputError(SAYS("no-bounds", unbounded=" and ".join(unbounded)))
-    else:
-        sample = nested_sample(likelihood, prior, **how, execution=execution)
     return Posterior(
         **vars(sample), problem=problem, method=method, x=likelihood.centre, cost=likelihood.cost, seed=seed,
         effective_samples=likelihood.samples, degrees_of_freedom=likelihood.degrees, notes=notes,

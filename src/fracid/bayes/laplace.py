@@ -30,7 +30,7 @@ from fracid.bayes.pareto import khat_limit, smoothed
 from fracid.bayes.target import SAYS, BoxPrior, GaussianApproximation, Likelihood
 from fracid.errors import InputError, at_least
 from fracid.tasks.job import Progress, Task
-from fracid.tasks.tasks import Execution
+from fracid.tasks.tasks import HERE, Execution
 
 BATCH = 25
 """Draws of one task."""
@@ -49,6 +49,10 @@ WORTHWHILE = 1.1
 
 ENOUGH = 10
 """Draws for each parameter that tell a mean and a covariance."""
+
+MISSED = 3.0
+"""Nested draws whose log evidence is less than that about the minimum by more than this have missed it; of draws that
+have not, one set in twenty at most does so by chance, by Markov's inequality."""
 
 LEAST_DRAWS = 100
 """Fewer draws say nothing of a posterior's tail."""
@@ -73,6 +77,8 @@ class WeightedDraws:
     """The shape of the tail of the importance weights; NaN for nested sampling."""
     draws: int = 0
     """Of an importance sample: those within the bounds, whose runs fail too."""
+    log_mass: float = -math.inf
+    """Of nested sampling: the part of the evidence about the minimum of the cost [nats]; see :func:`log_mass_about`."""
 
     @property
     def limit(self) -> float:
@@ -81,8 +87,8 @@ class WeightedDraws:
 
     @property
     def trusted(self) -> bool:
-        """Whether k̂, where there is one, is below its limit."""
-        return not self.draws or self.khat < self.limit
+        """Whether k̂ is below its limit, or the evidence of nested sampling includes that about the minimum."""
+        return self.khat < self.limit if self.draws else self.log_mass < self.log_evidence + MISSED
 
     @property
     def effective_draws(self) -> float:
@@ -92,7 +98,7 @@ class WeightedDraws:
 
 def importance_sample(
     likelihood: Likelihood, prior: BoxPrior, shape: GaussianApproximation, *, draws: int, seed: int,
-    execution: Execution | None = None,
+    execution: Execution = HERE,
 ) -> WeightedDraws:  # fmt: skip
     """Draw from Laplace's approximation, and weight.
 
@@ -123,22 +129,41 @@ def importance_sample(
     >>> sample.trusted, bool(abs(sample.log_evidence - np.log(2 * np.pi / 400)) < 0.05)
     (True, True)
     """
-    execution = execution or Execution()
     at_least("draws", draws, LEAST_DRAWS)
-    best, simulations = None, 0
+    rounds, share = list[_Round](), 0.0
     for number, rng in enumerate(np.random.default_rng(seed).spawn(ROUNDS), 1):
         pilot = _Round(likelihood, prior, shape, f"laplace, {draws} draws, seed {seed}, round {number}", rng=rng)
-        pilot.extend(min(number * PILOT, draws), draws, execution, than=0.0 if best is None else best.share)
-        simulations += len(pilot.values)
-        better = best is None or pilot.share > WORTHWHILE * best.share
-        best = pilot if best is None or pilot.share > best.share else best
-        if not better or best.share > GOOD:
+        pilot.extend(min(number * PILOT, draws), draws, execution, than=share)
+        rounds.append(pilot)
+        better, share = pilot.share >= WORTHWHILE * share, max(share, pilot.share)
+        if not better or share > GOOD:
             break
         shape = pilot.moved()
-    assert best is not None
-    simulations += draws - len(best.values)
+    best = max(rounds, key=lambda r: r.share)
     best.extend(draws - len(best.values), draws, execution)
-    return best.sample(simulations)
+    return best.sample(sum(len(r.values) for r in rounds))
+
+
+def log_mass_about(
+    likelihood: Likelihood, prior: BoxPrior, shape: GaussianApproximation, *, seed: int, execution: Execution
+) -> float:
+    """The mean weight of :data:`PILOT` draws from Laplace's approximation, without bias: the evidence, or less of it.
+
+    Parameters
+    ----------
+    likelihood, prior, shape, seed, execution
+        As of :func:`importance_sample`.
+
+    Returns
+    -------
+    float
+        Its logarithm [nats], −inf where every run fails.
+    """
+    from scipy.special import logsumexp
+
+    pilot = _Round(likelihood, prior, shape, f"about the minimum, seed {seed}", rng=np.random.default_rng(seed))
+    pilot.extend(PILOT, PILOT, replace(execution, progress=None))
+    return float(logsumexp(pilot.log_ratios)) - math.log(pilot.drawn)
 
 
 class _Round:
@@ -195,9 +220,7 @@ class _Round:
             if 1 / np.sum(weights**2) >= min(enough, 0.5 * len(points)):
                 break
             power *= 0.7
-        mean = np.asarray(weights @ points)
-        deviation = points - mean
-        return replace(shape, mean=mean, covariance=deviation.T @ (weights[:, None] * deviation))
+        return replace(shape, mean=weights @ points, covariance=weighted_covariance(points, weights))
 
     def sample(self, simulations: int) -> WeightedDraws:
         """All draws that count, with their smoothed weights."""
@@ -214,6 +237,11 @@ class _Round:
         error = math.sqrt(max(float(np.sum(np.exp(2 * log_weights))) - 1 / self.drawn, 0.0))
         return WeightedDraws(self.points[some], log_weights, total - math.log(self.drawn), error,
                              simulations=simulations, khat=khat, draws=len(ratios))  # fmt: skip
+
+
+def weighted_covariance(points: FloatArray, weights: FloatArray) -> FloatArray:
+    """Of points of shape (n_points, n) about their weighted mean, shape (n, n)."""
+    return np.atleast_2d(np.cov(points, rowvar=False, bias=True, aweights=weights))
 
 
 def simulated(likelihood: Likelihood, points: FloatArray, name: str, size: int, execution: Execution) -> FloatArray:

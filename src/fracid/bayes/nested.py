@@ -24,7 +24,7 @@ from fracid.bayes.laplace import WeightedDraws, simulated
 from fracid.bayes.target import SAYS, BoxPrior, Likelihood
 from fracid.errors import InputError, at_least, installed
 from fracid.tasks.job import Progress, one_blas_thread
-from fracid.tasks.tasks import Execution
+from fracid.tasks.tasks import HERE, Execution
 
 LIVE = 500
 """Live points of nautilus."""
@@ -46,7 +46,7 @@ REMAINDER = 0.01
 
 
 def nested_sample(
-    likelihood: Likelihood, prior: BoxPrior, *, draws: int, seed: int, execution: Execution | None = None
+    likelihood: Likelihood, prior: BoxPrior, *, draws: int, seed: int, execution: Execution = HERE
 ) -> WeightedDraws:
     """Draw from the whole prior by nested sampling.
 
@@ -66,18 +66,25 @@ def nested_sample(
     InputError
         If the package is not installed, or other executors than threads are asked for.
     """
-    execution = execution or Execution()
     at_least("draws", draws, 1)
     if execution.executor != "threads":
         raise InputError(f"Nested sampling runs on threads, not on {execution.executor}: leave --executor out.")
     with installed(SAYS("no-nautilus")):
         from nautilus import Sampler
-    batches, n = _Batches(likelihood, f"nested, {draws} draws, seed {seed}", execution), len(prior.lower)
+    n, name, quiet = len(prior.lower), f"nested, {draws} draws, seed {seed}", replace(execution, progress=None)
+    asked, began, tell = list[int](), time.perf_counter(), execution.progress
 
     def from_unit(u: FloatArray) -> FloatArray:  # nautilus wants two dimensions: a single parameter has an idle one
         return np.concatenate([prior.from_unit(u[..., :n]), u[..., n:]], axis=-1)
 
-    sampler: Any = Sampler(from_unit, lambda x: batches(x[:, :n]), n_dim=max(n, 2), n_live=LIVE, n_batch=BATCH,
+    def log_likelihoods(x: FloatArray) -> FloatArray:
+        asked.append(len(x))
+        values = simulated(likelihood, x[:, :n], f"{name}, batch {len(asked)}", SHARE, quiet)
+        if tell is not None:
+            tell(Progress(sum(asked), None, 0, time.perf_counter() - began))
+        return np.maximum(values, NOTHING)
+
+    sampler: Any = Sampler(from_unit, log_likelihoods, n_dim=max(n, 2), n_live=LIVE, n_batch=BATCH,
                            n_networks=NETWORKS, vectorized=True, pass_dict=False, seed=seed)  # fmt: skip
     with one_blas_thread():  # sums split over threads round differently
         sampler.run(f_live=REMAINDER, n_eff=draws, verbose=False)
@@ -86,23 +93,4 @@ def nested_sample(
     some = log_weights > math.log(np.finfo(float).tiny)  # without runs that fail, and draws whose weight is nothing
     kept = log_weights[some]
     return WeightedDraws(points[some, :n], kept - np.logaddexp.reduce(kept), float(sampler.log_z),
-                         1 / math.sqrt(float(sampler.n_eff)), simulations=batches.simulations)  # fmt: skip
-
-
-class _Batches:
-    """The log likelihoods of one batch of points after the other."""
-
-    def __init__(self, likelihood: Likelihood, name: str, execution: Execution) -> None:
-        self.likelihood, self.name, self.progress = likelihood, name, execution.progress
-        self.execution = replace(execution, progress=None)
-        self.count = self.simulations = 0
-        self.began = time.perf_counter()
-
-    def __call__(self, points: FloatArray) -> FloatArray:
-        """Of points of shape (n_points, n), shape (n_points,)."""
-        self.count += 1
-        values = simulated(self.likelihood, points, f"{self.name}, batch {self.count}", SHARE, execution=self.execution)
-        self.simulations += len(points)
-        if self.progress is not None:
-            self.progress(Progress(self.simulations, None, 0, time.perf_counter() - self.began))
-        return np.maximum(values, NOTHING)
+                         1 / math.sqrt(float(sampler.n_eff)), simulations=sum(asked))  # fmt: skip

@@ -12,7 +12,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.bayes.evidence import log_fit
-from fracid.bayes.laplace import WeightedDraws
+from fracid.bayes.laplace import WeightedDraws, weighted_covariance
 from fracid.bayes.target import SAYS
 from fracid.cards import Card, CardDisplay, estimate_text, listed
 from fracid.errors import InputError, at_least, installed, refuse_unknown
@@ -66,8 +66,7 @@ class Posterior(CardDisplay, WeightedDraws):
     @property
     def covariance(self) -> FloatArray:
         """Shape (n_unknowns, n_unknowns)."""
-        deviation = self.points - self.mean
-        return np.asarray(deviation.T @ (self.weights[:, None] * deviation))
+        return weighted_covariance(self.points, self.weights)
 
     @property
     def standard_deviation(self) -> FloatArray:
@@ -94,14 +93,14 @@ class Posterior(CardDisplay, WeightedDraws):
 
     @property
     def trusted(self) -> bool:
-        """Whether the draws can be believed, by k̂ and by how many of them count."""
+        """Whether the draws can be believed, by k̂ or the evidence, and by how many of them count."""
         return super().trusted and self.effective_draws >= FEW
 
     @property
     def sentence(self) -> str:
         """Whether to trust it, why, and what to do if not."""
         if not super().trusted:
-            return SAYS("khat", drawn=self)
+            return SAYS("khat" if self.draws else "missed", drawn=self)
         if self.effective_draws < FEW:
             return SAYS("few", drawn=self, least=FEW, more=4 * max(self.draws, 1000))
         return SAYS("trusted-by-khat" if self.draws else "trusted", drawn=self)
@@ -207,7 +206,7 @@ def log_odds(first: Posterior, second: Posterior) -> float:
     Raises
     ------
     InputError
-        If the recordings or the costs differ, or an evidence is missing.
+        If the recordings or the costs differ, an evidence is missing, or draws cannot be trusted.
     """
     a, b = first.problem, second.problem
     if a.cost_function.name != b.cost_function.name or a.outputs != b.outputs or a.weights != b.weights:
@@ -217,6 +216,9 @@ def log_odds(first: Posterior, second: Posterior) -> float:
         raise InputError("The two posteriors are of different recordings: their evidence cannot be compared.")
     if math.isnan(first.log_evidence) or math.isnan(second.log_evidence):
         raise InputError("There is no evidence where a free parameter has no bounds: give it a lower and an upper one.")
+    for drawn in (first, second):
+        if not drawn.trusted:
+            raise InputError(f"There are no odds of {drawn.problem.model.name}. {drawn.sentence}")
     samples = (first if first.cost <= second.cost else second).effective_samples
     fit = log_fit(first.cost, samples, a.cost_function) - log_fit(second.cost, samples, a.cost_function)
     return first.log_evidence - second.log_evidence + fit

@@ -76,7 +76,7 @@ from fracid.selection.residual_noise import leftovers
 from fracid.signals.left_over import LeftOver
 from fracid.solver.methods import METHODS
 from fracid.tasks.progress import Observer
-from fracid.validation.after_search import after, between_samples, failed, with_start
+from fracid.validation.after_search import after, between_samples, failed, noisy_start, with_start
 from fracid.validation.discretisation import (
     COARSE_STEP,
     LOST,
@@ -337,6 +337,7 @@ class Examination:
         said = {"stopped-short"} if self.setting.optimiser.keeps_its_own else set[str]()  # the polishing says more
         said |= {"late"} if any(f.code == "between" for f in self.findings) else set()  # an input that is held is late
         self.findings += [f for f in findings if f.code not in said]
+        self.warnings += [f.note for f in noisy_start(at.problem, at.x, at.uncertainty)]  # the intervals include it
         return self._onward() if self.restarts < RESTARTS else None
 
     def _onward(self) -> Evaluation | None:

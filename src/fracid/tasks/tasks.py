@@ -113,6 +113,10 @@ class Execution:
         return {t.key: results[t.key] for t in tasks}
 
 
+HERE = Execution()
+"""One thread, without a journal."""
+
+
 def run_tasks(work: Work, tasks: Sequence[Task], **how: Any) -> dict[str, Json]:
     """Do every task that the journal has not yet.
 

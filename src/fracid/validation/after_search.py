@@ -123,7 +123,6 @@ def after(
     findings = [*_loose_memory(problem, x, uncertainty, jobs)]
     if not isinstance(uncertainty, Failure):
         findings += _short_window(problem, uncertainty)
-        findings += noisy_start(problem, x, uncertainty)
         findings += _stopped_short(problem, x, uncertainty, jobs)
         findings += misread(problem, misreadings(problem, x, uncertainty, jobs=jobs, near=near))
     return (*findings, *(f for e, _ in problem.recordings.values() for f in _cannot_explain(problem, x, e)))

@@ -68,7 +68,7 @@ from fracid.solver.trajectory import vector
 from fracid.tasks.display import counted
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
-from fracid.tasks.tasks import Execution
+from fracid.tasks.tasks import HERE, Execution
 from fracid.twins.encoder import encoder, simulated
 from fracid.validation.after_search import noisy_start, with_start
 from fracid.validation.study_records import (
@@ -376,9 +376,8 @@ class Plan:
         numbers = range(1, self.seeds + 1)
         return [(cell, k, f"{label_of(*cell, self.unit)}, repetition {k}") for cell in self.cells for k in numbers]
 
-    def run(self, execution: Execution | None = None) -> NoiseStudy:
+    def run(self, execution: Execution = HERE) -> NoiseStudy:
         """Do it; errors as of :func:`noise_study`."""
-        execution = execution or Execution()
         if execution.executor != "threads" and self.own:
             raise InputError(SAYS("own-code", plan=self))
         return self.study(execution.run(repetition, self.tasks))
