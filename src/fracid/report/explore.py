@@ -112,12 +112,11 @@ def _orders(material: Material) -> Iterator[dict[str, Any]]:
     """A slider for each order that is not tied to another."""
     problem = material.problem
     for name, e in material.result["orders"].items():
-        if name in problem.ties or e["value"] is None:
-            continue
-        integer = e["integer"]
-        ends = [e["value"], *(e["interval95"] or ()), *([] if integer is None else [integer])]
-        reach = max(0.02, min(ends) - WIDE), min(1.98, max(ends) + WIDE)
-        yield _slider(problem, name, e, reach) | {"kind": "orders", "integer": integer}
+        if name not in problem.ties and e["value"] is not None:
+            integer = e["integer"]
+            ends = [e["value"], *(e["interval95"] or ()), *([] if integer is None else [integer])]
+            reach = max(0.02, min(ends) - WIDE), min(1.98, max(ends) + WIDE)
+            yield _slider(problem, name, e, reach) | {"kind": "orders", "integer": integer}
 
 
 def _constants(material: Material) -> Iterator[dict[str, Any]]:
