@@ -331,16 +331,14 @@ def say(console: Any, text: str, first: str = "") -> None:
     `first` stands before it, such as a mark; further lines begin behind it.
     """
     from rich.padding import Padding
-    from rich.table import Table
+    from rich.table import Column, Table
     from rich.text import Text
 
     indent = Text.from_markup(first).cell_len
     if not console.is_terminal or not indent:
         console.print(f"{first}{text}", soft_wrap=not console.is_terminal)
         return
-    grid = Table.grid(padding=0)
-    grid.add_column(width=indent, no_wrap=True)
-    grid.add_column()
+    grid = Table.grid(Column(width=indent, no_wrap=True), Column(), padding=0)
     grid.add_row(first, text)
     console.print(Padding(grid, 0, expand=False))
 

@@ -242,11 +242,9 @@ def with_states(subject: Subject, experiments: Sequence[Candidate], rivals: Mapp
     ['presliding', "Stribeck's friction"]
     """
     friction, squares = 0.0, dict[str, float]()
-    for arm, done in _by_arm(experiments).items():
-        times, rival = Counter(done), rivals.get(arm)
-        if rival is None:
-            continue
-        counts = [times[c] for c in times][: len(rival.problem.experiments)]
+    for arm, rival in rivals.items():
+        times = Counter(c for c in experiments if c.arm == arm)
+        counts = [*times.values()][: len(rival.problem.experiments)]
         own = Rival(rival.problem, rival.best, "every order 1", {})
         without = _square(subject, own, counts)
         for element in _elements(rival.problem, slow=True):

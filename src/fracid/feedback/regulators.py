@@ -154,18 +154,13 @@ def sampled(plant: Plant, period: float) -> tuple[FloatArray, FloatArray, FloatA
     rest, newer = held(A, B, period - late)  # of the input now
     older = rest @ held(A, B, late)[1]  # of that before
     more = whole + (late > 1e-9 * period)
-    F, G, C = np.zeros((n + more, n + more)), np.zeros((n + more, 1)), np.zeros((len(plant.linear.C), n + more))
+    F, C = np.zeros((n + more, n + more + 1)), np.zeros((len(plant.linear.C), n + more))  # the input now comes last
     F[:n, :n], C[:, :n] = held(A, B, period)[0], plant.linear.C
-    F[n : n + more - 1, n + 1 :] = np.eye(max(0, more - 1))
-    if more:
-        G[-1] = 1.0
+    F[n:, n + 1 :] = np.eye(more)
     if more > whole:
         F[:n, [n]] = older
-    if whole:
-        F[:n, [n + more - whole]] = newer
-    else:
-        G[:n] = newer
-    return F, G, C
+    F[:n, [n + more - whole]] = newer
+    return F[:, :-1].copy(), F[:, -1:].copy(), C
 
 
 def regulator(

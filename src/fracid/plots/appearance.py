@@ -238,10 +238,9 @@ def _parts(artist: Artist) -> Iterator[Artist]:
     from matplotlib.axis import Axis, Tick
 
     for child in artist.get_children():
-        if isinstance(child, Tick):
-            continue
-        yield child
-        yield from (child.label, child.offsetText) if isinstance(child, Axis) else _parts(child)
+        if not isinstance(child, Tick):
+            yield child
+            yield from (child.label, child.offsetText) if isinstance(child, Axis) else _parts(child)
 
 
 def _dress(axes: Axes, grid: bool) -> None:

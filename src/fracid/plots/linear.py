@@ -78,8 +78,7 @@ def linear_response(system: Any, posture: str, *, style: str | Style = "screen")
         step.plot(time, factor * exact[:, column], **FRACTIONAL)
         step.plot(time, factor * integer[:, column], **INTEGER)
         for axes in (magnitude, phase):
-            axes.axvspan(low, high, color=ORANGE, alpha=0.12, lw=0, zorder=0.5,
-                         label="band of the recording" if axes is magnitude else None)  # fmt: skip
+            axes.axvspan(low, high, color=ORANGE, alpha=0.12, lw=0, zorder=0.5, label="band of the recording")
         letter = symbol(output)
         about = f" from {posture}" if output == system.model.pendulum else ""
         label(step, f"step of 1 {unit}", "time [s]", f"{letter}{about} [{display_unit}]")

@@ -118,11 +118,9 @@ def _filled(figure: Figure, axes: Axes, plane: CostPlane, cost_name: str) -> Non
 
 def _integers(axes: Axes, first: FloatArray, second: FloatArray) -> None:
     """Draw where an order is an integer."""
-    name = "integer orders"
     for values, line in ((first, axes.axvline), (second, axes.axhline)):
         for order in range(math.floor(values[0]) + 1, math.ceil(values[-1])):
-            line(order, color=INK, lw=1.0, ls="--", label=name)
-            name = ""
+            line(order, color=INK, lw=1.0, ls="--", label="integer orders")
 
 
 def _lines(axes: Axes, plane: tuple[FloatArray, FloatArray, Any], texts: Mapping[float, str], legend: str) -> None:

@@ -129,12 +129,8 @@ def posterior_predictive(posterior: Posterior, *, style: str | Style = "screen")
 
 def _few_ticks(axes: Axes, *, below: bool, beside: bool) -> None:
     """Two or three numbers, slanting, at the figure's edge alone: those of narrow posteriors are long."""
-    axes.locator_params(axis="x", nbins=3)
-    if beside:
-        axes.locator_params(axis="y", nbins=3)
-    axes.ticklabel_format(axis="x", useOffset=False)
-    if axes.get_yticks().size:
-        axes.ticklabel_format(axis="y", useOffset=False)
+    axes.locator_params(axis="both" if beside else "x", nbins=3)
+    axes.ticklabel_format(axis="both" if axes.get_yticks().size else "x", useOffset=False)
     axes.tick_params(axis="x", labelrotation=30, labelbottom=below)
     axes.tick_params(axis="y", labelleft=beside)
 

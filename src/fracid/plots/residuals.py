@@ -219,8 +219,7 @@ def _in_time(lags: Axes, spectrum: Axes, analysis: ResidualAnalysis, factor: flo
         floor = 2 * analysis.step * (factor * analysis.level.floor) ** 2
         spectrum.axhline(floor, color=ORANGE, lw=1.5, ls="--", label="rounding of the encoder alone")
     for m in range(1, 4) if swing else ():
-        spectrum.axvline(m * (swing or 0.0), color=GREEN, lw=1.0, ls=":",
-                         label="the swing and its multiples" if m == 1 else None)  # fmt: skip
+        spectrum.axvline(m * (swing or 0.0), color=GREEN, lw=1.0, ls=":", label="the swing and its multiples")
 
 
 def _of_lags(analysis: ResidualAnalysis) -> str:

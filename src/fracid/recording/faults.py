@@ -432,11 +432,10 @@ def _saturated(s: SignalReport, x: FloatArray) -> Iterator[Finding]:
     cut = {limit: [*_flat_tops(x, limit, q, None if angle else GRADUAL * s.range)] for limit in (s.maximum, s.minimum)}
     alike = angle and abs(s.maximum + s.minimum) <= 0.5 * q  # once, and as far as on the other side: no chance either
     for limit, tops in cut.items():
-        if len(tops) + alike < RUNS:
-            continue
-        share = 100 * sum(stop - start for start, stop in tops) / x.size
-        value = f"{math.degrees(limit):.4g}°" if angle else f"{limit:.4g} {s.unit}".rstrip(" 1")
-        yield SAYS.finding("saturated" if angle else "at-limit", s.name, share, 0.0, value=value, times=len(tops))
+        if len(tops) + alike >= RUNS:
+            share = 100 * sum(stop - start for start, stop in tops) / x.size
+            value = f"{math.degrees(limit):.4g}°" if angle else f"{limit:.4g} {s.unit}".rstrip(" 1")
+            yield SAYS.finding("saturated" if angle else "at-limit", s.name, share, 0.0, value=value, times=len(tops))
 
 
 def _flat_tops(x: FloatArray, limit: float, q: float, gradual: float | None) -> Iterator[tuple[int, int]]:

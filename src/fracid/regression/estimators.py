@@ -141,13 +141,14 @@ def base_parameters(system: System, free: Sequence[int], scales: FloatArray) -> 
     columns = [i for i in range(len(free)) if unit[i] > 1e-12 * unit.max()]
     R, order = qr(A[:, columns] / unit[columns], mode="r", pivoting=True)
     pivots = [columns[i] for i in order]
-    rank = len(pivots)
-    for k in range(1, len(pivots)):
+
+    def depends(k: int) -> bool:
+        """Whether the column of this pivot is one of those before, and noise."""
         x = np.append(-solve_triangular(R[:k, :k], R[:k, k]), 1.0) / unit[pivots[: k + 1]]
         noise = float(x @ C[np.ix_(pivots[: k + 1], pivots[: k + 1])] @ x)
-        if R[k, k] ** 2 <= max(COLLINEAR**2, noise):
-            rank = k
-            break
+        return bool(R[k, k] ** 2 <= max(COLLINEAR**2, noise))
+
+    rank = next(filter(depends, range(1, len(pivots))), len(pivots))
     dependent: Dependent = {free[i]: {} for i in range(len(free)) if i not in columns}
     for k in range(rank, len(pivots)):
         x = solve_triangular(R[:rank, :rank], R[:rank, k]) * unit[pivots[k]] / unit[pivots[:rank]]

@@ -112,12 +112,11 @@ def _orders(material: Material) -> Iterator[dict[str, Any]]:
     """A slider for each order that is not tied to another."""
     problem = material.problem
     for name, e in material.result["orders"].items():
-        if name in problem.ties or e["value"] is None:
-            continue
-        integer = e["integer"]
-        ends = [e["value"], *(e["interval95"] or ()), *([] if integer is None else [integer])]
-        reach = max(0.02, min(ends) - WIDE), min(1.98, max(ends) + WIDE)
-        yield _slider(problem, name, e, reach) | {"kind": "orders", "integer": integer}
+        if name not in problem.ties and e["value"] is not None:
+            integer = e["integer"]
+            ends = [e["value"], *(e["interval95"] or ()), *([] if integer is None else [integer])]
+            reach = max(0.02, min(ends) - WIDE), min(1.98, max(ends) + WIDE)
+            yield _slider(problem, name, e, reach) | {"kind": "orders", "integer": integer}
 
 
 def _constants(material: Material) -> Iterator[dict[str, Any]]:
@@ -233,10 +232,9 @@ def _deflections(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[dic
     """Of each presliding joint its state, its δ, and which share of it is given at the start; None where it slides."""
     model, values = problem.model, problem.unpack(x, e)
     for state, delta in model.relaxing.items():
-        i = model.states.index(state)
-        if state in e.initial or problem.initial_state != "estimate":
-            continue
-        free = any(u.kind == "initial" and u.target == state and u.experiment == e.name for u in problem.unknowns)
-        size = values.parameters[model.parameter_names.index(delta)]
-        slides = not free and values.initial[i] != 0.0
-        yield {"state": i, "delta": delta, "share": None if slides else values.initial[i] / size if size else 0.0}
+        if state not in e.initial and problem.initial_state == "estimate":
+            i = model.states.index(state)
+            free = any(u.kind == "initial" and u.target == state and u.experiment == e.name for u in problem.unknowns)
+            size = values.parameters[model.parameter_names.index(delta)]
+            slides = not free and values.initial[i] != 0.0
+            yield {"state": i, "delta": delta, "share": None if slides else values.initial[i] / size if size else 0.0}

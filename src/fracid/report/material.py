@@ -122,11 +122,10 @@ class Material:
 
 
 def _whole(recording: Recording, table: Mapping[str, Any], signals: tuple[str, ...]) -> Recording:
-    if not {"from", "to"} & table.keys() and recording.report.resampled is None:
-        return recording  # it was used whole
-    with suppress(FracidError, OSError):
-        return inspect_recording(
-            recording.path, {n: table[n] for n in signals if n in table}, time=table.get("time"), name=recording.name,
-            variable=table.get("variable"),
-        )  # fmt: skip
+    if {"from", "to"} & table.keys() or recording.report.resampled is not None:  # else it was used whole
+        with suppress(FracidError, OSError):
+            return inspect_recording(
+                recording.path, {n: table[n] for n in signals if n in table}, time=table.get("time"),
+                name=recording.name, variable=table.get("variable"),
+            )  # fmt: skip
     return recording

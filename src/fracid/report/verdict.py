@@ -29,11 +29,6 @@ class Line:
     good: bool
     """Whether there is nothing to look at."""
 
-    @property
-    def anchor(self) -> str:
-        """Where the page says more of it."""
-        return f"finding-{self.about.lower()}"
-
 
 # --- the claim ------------------------------------------------------------------------------------
 

@@ -41,19 +41,14 @@ def code() -> str:
 
 
 def machine() -> dict[str, str]:
-    """System and processor, by which the last bits of a result may differ.
+    """System and processor, by which the last bits of a result may differ; its model, where Linux says it.
 
     Examples
     --------
     >>> sorted(machine())
     ['platform', 'processor']
     """
-    return {"platform": platform.platform(), "processor": _processor()}
-
-
-@cache
-def _processor() -> str:
-    """Its model, where Linux says it; else what Python knows."""
     lines = (text_if_any(Path("/proc/cpuinfo")) or "").splitlines()
     models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return models[0] if models else platform.processor() or platform.machine()
+    processor = models[0] if models else platform.processor() or platform.machine()
+    return {"platform": platform.platform(), "processor": processor}

@@ -28,7 +28,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import wraps
 from html import escape
@@ -188,30 +188,21 @@ class _Terminal:
     def begin(self, stage: _Stage) -> None:
         from rich.live import Live
         from rich.spinner import Spinner
-        from rich.table import Table
+        from rich.table import Column, Table
         from rich.text import Text
 
         spinner = Spinner("dots")
 
         def line() -> Table:
-            grid = Table.grid(padding=(0, 1))
-            grid.add_column(no_wrap=True)
-            grid.add_column(no_wrap=True, overflow="ellipsis")
+            grid = Table.grid(Column(no_wrap=True), Column(no_wrap=True, overflow="ellipsis"), padding=(0, 1))
             grid.add_row(spinner, Text(printable(stage.text())))
             return grid
 
-        live = Live(get_renderable=line, console=self._console, transient=True, refresh_per_second=5,
-                    redirect_stdout=False, redirect_stderr=False)  # fmt: skip
-        later = threading.Timer(BRIEF, live.start)
-        later.daemon = True
-        later.start()
-
-        def clear() -> None:
-            later.cancel()
-            later.join()
-            live.stop()
-
-        self._clear = clear
+        self._live = Live(get_renderable=line, console=self._console, transient=True, refresh_per_second=5,
+                          redirect_stdout=False, redirect_stderr=False)  # fmt: skip
+        self._later = threading.Timer(BRIEF, self._live.start)
+        self._later.daemon = True
+        self._later.start()
 
     def update(self, stage: _Stage) -> None:
         """The line is drawn anew five times a second."""
@@ -219,7 +210,9 @@ class _Terminal:
     def end(self, stage: _Stage, mark: str) -> None:
         from rich.text import Text
 
-        self._clear()
+        self._later.cancel()
+        self._later.join()
+        self._live.stop()
         if line := stage.line(mark):
             text = Text.assemble((mark, "green" if mark == "✓" else "yellow"), " ", printable(line))
             self._console.print(text, soft_wrap=True)
@@ -410,10 +403,8 @@ def counted(what: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
     def shown_of(function: Callable[P, T]) -> Callable[P, T]:
         @wraps(function)
         def telling(*args: P.args, **kwargs: P.kwargs) -> T:
-            if kwargs.get("progress") is not None or not in_notebook():
-                return function(*args, **kwargs)
-            with unless_given(None).progress(what) as tell:
-                kwargs["progress"] = tell
+            given = kwargs.get("progress")
+            with unless_given(None).progress(what) if given is None else nullcontext(given) as kwargs["progress"]:
                 return function(*args, **kwargs)
 
         return telling

@@ -209,9 +209,8 @@ def _best(project: Project, comparison: Comparison, folder: Path) -> dict[str, s
 
 def _command(project: Project, out: str | Path | None, options: Mapping[str, Any], executor: str) -> list[str]:
     choices = {name: options[name] for name in ("leave_one_out", "amplitude", "evidence", "keep", "seed")}
-    choices["rung"] = options["rungs"]
     place = None if executor == "threads" else executor
-    more = {"multi_start": options["starts"], "preset": project.preset, "executor": place}
+    more = {"rung": options["rungs"], "multi_start": options["starts"], "preset": project.preset, "executor": place}
     return command_of("compare", project.path, {"out": out, **choices, **more, "trust": bool(project.own_code)})
 
 

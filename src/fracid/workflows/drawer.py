@@ -92,9 +92,6 @@ def drawer(jobs: int) -> Iterator[Drawer]:
     ...     alone.asked(len, "alpha")()
     5
     """
-    if jobs < 2:
-        yield Drawer(None)
-        return
     from fracid.tasks.local import (
         UNSTARTED,
         deaf_to_ctrl_c,
@@ -106,9 +103,10 @@ def drawer(jobs: int) -> Iterator[Drawer]:
     with ThreadPoolExecutor(1) as giver:
         try:
             with suppress(*UNSTARTED):  # where none can be started, this one draws
-                pool = fresh_processes(1, _prepare)
-                with deaf_to_ctrl_c(), without_main():
-                    pool.submit(int)  # starts it
+                if jobs > 1:
+                    pool = fresh_processes(1, _prepare)
+                    with deaf_to_ctrl_c(), without_main():
+                        pool.submit(int)  # starts it
             yield Drawer(pool, giver)
         finally:
             for process in list((getattr(pool, "_processes", None) or {}).values()):

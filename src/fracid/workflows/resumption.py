@@ -110,13 +110,12 @@ def state_of(folder: Path) -> RunState | None:
 def _place_of(folder: Path, state: RunState, executor: str | None) -> str | None:
     """Where a fit goes on: where it was; on a scheduler only if the caller says its address again."""
     there = state.options.executor
-    if ADDRESS in str(there) and (executor is None or ADDRESS in executor):
-        if executor is None:
-            raise InputError(SAYS("scheduler", folder=folder, there=there, typed=typed("resume", folder)))
-        return executor
-    if executor:
+    on_scheduler = ADDRESS in str(there)
+    if on_scheduler and executor is None:
+        raise InputError(SAYS("scheduler", folder=folder, there=there, typed=typed("resume", folder)))
+    if executor and not (on_scheduler and ADDRESS in executor):
         raise InputError(f"{folder} is a fit, which runs on threads: leave --executor and --scheduler out.")
-    return there
+    return executor or there
 
 
 def finished_result(folder: Path) -> Any:

@@ -134,8 +134,7 @@ def _refuse_packed_bomb(dataset: Any, path: Path) -> None:
     expected = prod(dataset.chunks) * dataset.dtype.itemsize
     for k in range(dataset.id.get_num_chunks()):
         chunk = dataset.id.get_chunk_info(k)
-        if EXPANDS * chunk.size < 2**26:
-            continue
-        _, raw = dataset.id.read_direct_chunk(chunk.chunk_offset)
-        if len(zlib.decompressobj().decompress(raw, 2 * expected + 1024)) > 2 * expected:
-            refuse_bomb(path, float("inf"))
+        if EXPANDS * chunk.size >= 2**26:
+            _, raw = dataset.id.read_direct_chunk(chunk.chunk_offset)
+            if len(zlib.decompressobj().decompress(raw, 2 * expected + 1024)) > 2 * expected:
+                refuse_bomb(path, float("inf"))

@@ -118,10 +118,9 @@ def _mdf(path: Path) -> Found:
                 if j != file.masters_db.get(k):
                     try:
                         signal = file.get(group=k, index=j)
+                        columns[f"{channel.name}{f' [{signal.unit}]' if signal.unit else ''}"] = _column(signal.samples)
                     except _Formula:
                         columns[channel.name] = FORMULA
-                        continue
-                    columns[f"{channel.name}{f' [{signal.unit}]' if signal.unit else ''}"] = _column(signal.samples)
             groups[f"group {k}"] = np.asarray(file.get_master(k), dtype=np.float64), columns
     return _on_one_clock(groups)
 
