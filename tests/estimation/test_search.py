@@ -9,7 +9,7 @@ import pytest
 import fracid
 from fracid.errors import InputError
 from fracid.estimation import horizons as horizons_of_fits
-from fracid.estimation.climbing import by_windows, climbed
+from fracid.estimation.climbing import by_windows, climbed, embedded, in_turn
 from fracid.estimation.derivatives import jacobian
 from fracid.estimation.horizons import Watch, growing, horizons, minimised, refined
 from fracid.estimation.search import _regression_start, search
@@ -463,3 +463,25 @@ def test_a_search_from_a_joint_that_does_not_give_does_not_let_it_give_by_a_hair
     J = jacobian(problem, best.point, np.arange(3))[0]
     assert not J[..., 1:].any()
     assert J[..., 0].any()
+
+
+@pytest.mark.broad
+def test_the_start_of_a_motion_lies_in_a_curved_valley_that_is_left_by_finding_it_anew():
+    values = {
+        "torque_per_volt": 0.074, "b_angle": 0.02, "coulomb_angle": 0.049, "stiction_angle": 0.024,
+        "stribeck_speed_angle": 0.3, "presliding_angle": 0.01, "presliding_damping_angle": 2.4e-3,
+    }  # fmt: skip
+    joint, noise, rng = fracid.model("joint", J=5e-3, gravity=0.0, **values), 3e-4, np.random.default_rng(5)
+    t = np.arange(301) / 100
+    swings = zip((0.3, 0.7, 1.1, 1.9, 3.1), rng.uniform(0, 2 * np.pi, 5), strict=True)
+    voltage = np.where(t < 0.2, 0.0, 2 * sum(np.sin(2 * np.pi * f * t + phase) for f, phase in swings))
+    u = np.column_stack([voltage * (n == "voltage") for n in joint.inputs])
+    run = fracid.simulate(joint, initial={}, step=0.01, end=3.0, inputs=u, orders={"mu": 1.0})
+    y = run.states[:, [0]] + noise * rng.standard_normal((301, 1))
+    free = {n: Free(1.1 * v, 2e-4 * ("speed" in n), 20 * v) for n, v in values.items()}
+    driven = Experiment("driven", 0.01, y, u, between={"voltage": "line"})
+    p = Problem(joint, (driven,), {"mu": 1.0}, free, initial_state="estimate")
+    wrong = {"angle(0) [driven]": -0.035, "rate(0) [driven]": 0.86, "z(0) [driven]": -0.86}
+    x = embedded(p, values | wrong)
+    assert refined(p, x, Watch(), budget=15).best.cost > 3 * noise
+    assert in_turn(p, x, Watch(), budget=15).best.cost < 1.05 * noise

@@ -9,8 +9,9 @@ friction have found already, but for a shape: how far a joint gives, at which sp
 2. Rung by rung an element comes in where it does nothing: its strength at "off", and its shape at each of its
    :attr:`~fracid.models.friction.Friction.entries` in turn.  The best on the windows goes on.
 3. With what the windows share held, each recording's own unknowns are found on a horizon that grows; then all goes on
-   together on the whole record.  So it does from the best of the simpler structure there: no structure ends above one
-   that is nested in it.
+   together on the whole record.  The two take turns as long as the first gains: where a joint gives, many starts of a
+   motion lead to nearly one swing, a curved valley in which all together creep.
+4. All goes on from the best of the simpler structure there, too: no structure ends above one that is nested in it.
 """
 
 from __future__ import annotations
@@ -34,6 +35,9 @@ ROUGH: Mapping[str, Any] = {"tolerance": 1e-2, "budget": 12}
 
 FINE: Mapping[str, Any] = {"tolerance": 1e-3, "budget": 30}
 """From the best of them."""
+
+GAINS = 1e-3
+"""Part of the cost that a recording's own unknowns must gain, found once more, for all to go on from there."""
 
 
 def late_rungs(problem: Problem) -> dict[str, tuple[str, ...]]:
@@ -70,16 +74,13 @@ def climbed(problem: Problem, watch: Watch) -> list[tuple[str, Result]]:
     list of (str, Result)
         From where, and the result on the whole record.
     """
-    late = late_rungs(problem)
-    if not late or problem.cost_function.loss is None:
+    elements = [n for rung in late_rungs(problem).values() for n in rung]
+    if not elements or problem.cost_function.loss is None:
         return []
-    elements = [n for rung in late.values() for n in rung]
     simple = without(problem, elements)
-    ends = []
-    if simple.names:
-        values = simple.named(from_start(simple, watch).point) | _off(problem, elements)
-        ends.append(("the simpler structure", refined(problem, embedded(problem, values), watch)))
-    return [*ends, ("windows", by_windows(problem, watch))]
+    values = simple.named(from_start(simple, watch).point) | _off(problem, elements)
+    simpler = refined(problem, embedded(problem, values), watch)
+    return [("the simpler structure", simpler), ("windows", by_windows(problem, watch))]
 
 
 def by_windows(problem: Problem, watch: Watch, **options: Any) -> Result:
@@ -87,16 +88,29 @@ def by_windows(problem: Problem, watch: Watch, **options: Any) -> Result:
     late, values = late_rungs(problem), dict(problem.parameter_starts)
     for k, names in enumerate(((), *late.values())):
         later = [n for rung in list(late)[k:] for n in late[rung]]
-        simple = without(problem, later)
-        pieces = in_windows(simple)
-        starts = [embedded(pieces, {**values, **entry}) for entry in entries(simple, names)]
+        pieces = in_windows(without(problem, later))
+        starts = [embedded(pieces, {**values, **entry}) for entry in entries(pieces, names)]
         ends = [lowest_from(pieces, x, watch, **ROUGH) for x in starts]
         best = lowest_from(pieces, min(ends, key=lambda e: e.cost).point, watch, **FINE)
         values |= shared_values(pieces, best.point)
-    alone = problem.with_shared(embedded(problem, values), problem.experiments)
-    if alone.names:  # first of what each recording has for itself, then of all
-        values |= alone.named(from_start(alone, watch).point)
-    return refined(problem, embedded(problem, values), watch, **options)
+    return in_turn(problem, found_again(problem, embedded(problem, values), problem, watch), watch, **options)
+
+
+def in_turn(problem: Problem, x: FloatArray, watch: Watch, **options: Any) -> Result:
+    """Least squares from x, and again from where each recording's own unknowns, found anew there, cost less."""
+    result = refined(problem, x, watch, **options)
+    while not result.interrupted:
+        x = found_again(problem, result.best.point, problem, watch)
+        if not problem.cost(x) < (1 - GAINS) * result.best.cost:
+            break
+        result = refined(problem, x, watch, **options)
+    return result
+
+
+def found_again(problem: Problem, x: FloatArray, whole: Problem, watch: Watch) -> FloatArray:
+    """The point of `whole` with what its recordings have for themselves found from their start, all else as in x."""
+    alone = problem.with_shared(x, whole.experiments)
+    return embedded(whole, problem.named(x) | alone.named(from_start(alone, watch).point))
 
 
 def entries(problem: Problem, names: Sequence[str]) -> list[dict[str, float]]:

@@ -147,10 +147,9 @@ def _climbing(problem: Problem, result: Result, made: tuple[Start, ...], watch: 
         ends = climbed(problem, watch)
     except KeyboardInterrupt:
         return replace(result, outcome=Outcome.INTERRUPTED, evaluations=result.evaluations + watch.count - before), made
-    begun = problem.named(problem.start)
     starts = [
-        Start(origin, begun, np.inf, problem.named(r.best.point), cost=r.best.cost, ended=r.outcome.value, joined=None,
-              evaluations=r.evaluations)
+        Start(origin, problem.named(problem.start), np.inf, problem.named(r.best.point), cost=r.best.cost, joined=None,
+              ended=r.outcome.value, evaluations=r.evaluations)
         for origin, r in ends
     ]  # fmt: skip
     lowest = min((result, *(end for _, end in ends)), key=lambda r: r.best.cost)

@@ -47,9 +47,9 @@ from pydantic import Field, computed_field
 from fracid.arrays import ByName, FloatArray, by_name
 from fracid.cards import CardDisplay
 from fracid.errors import Failure, FailureReason, InputError, at_least
-from fracid.estimation.climbing import embedded
+from fracid.estimation.climbing import embedded, found_again
 from fracid.estimation.covariance import uncertainty
-from fracid.estimation.horizons import Watch, from_start, lowest_from, refined, uninterrupted
+from fracid.estimation.horizons import Watch, lowest_from, refined, uninterrupted
 from fracid.estimation.windows import piece
 from fracid.figures import Figure, Style, draw
 from fracid.findings import Words
@@ -248,7 +248,9 @@ def amplitude_test(
         raise InputError(SAYS("own-cost", problem=problem))
     problem = replace(problem, experiments=tuple(map(as_samples, problem.experiments)))
     others = [*map(as_samples, others)]
-    fits = [(problem, x, e) for e in problem.experiments] + [_found_again(problem, x, e, jobs) for e in others]
+    alone = [replace(problem, experiments=(e,)) for e in others]
+    fits = [(problem, x, e) for e in problem.experiments]
+    fits += [(p, found_again(problem, x, p, Watch(jobs)), p.experiments[0]) for p in alone]
     errors = _standard_errors(problem, x, jobs)
     found = list[Window | Failure]()
     for fitted, at, e in fits:
@@ -270,13 +272,6 @@ def amplitude_test(
 def _standard_errors(problem: Problem, x: FloatArray, jobs: int) -> dict[str, float]:
     found = uncertainty(problem, x, jobs=jobs)
     return {} if isinstance(found, Failure) else problem.named(found.standard_error)
-
-
-def _found_again(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> tuple[Problem, FloatArray, Experiment]:
-    """A recording that was not fitted, with its own unknowns found."""
-    alone, whole = problem.with_shared(x, (e,)), replace(problem, experiments=(e,))
-    values = problem.named(x) | alone.named(from_start(alone, Watch(jobs)).point)
-    return whole, embedded(whole, values), e
 
 
 def _spans(e: Experiment, windows: int) -> list[tuple[int, int]] | Failure:
@@ -357,10 +352,9 @@ def _window(
     found, whole = uninterrupted(refined(piece, start, Watch(jobs), **SEARCH)), span == (0, len(e.measured))
     best = found.best
     if not whole and (found.outcome is not Outcome.CONVERGED or best.cost > STUCK * piece.cost(start)):
-        own = problem.named(problem.start)
-        shared = ((u.experiment is None, u.name) for u in piece.unknowns)
-        again = [own.get(n, v) if of_all else v for (of_all, n), v in zip(shared, start.tolist(), strict=True)]
-        best = min(best, lowest_from(piece, np.array(again), Watch(jobs), **SEARCH), key=lambda end: end.cost)
+        shared = {u.name: v for u, v in zip(problem.unknowns, problem.start, strict=True) if u.experiment is None}
+        again = embedded(piece, piece.named(start) | shared)
+        best = min(best, lowest_from(piece, again, Watch(jobs), **SEARCH), key=lambda end: end.cost)
     if not math.isfinite(best.cost):
         window = f"{e.name}, {times[0]:.3g} … {times[1]:.3g} s"
         return Failure(FailureReason.RUN, f"{window}: no order was found, the run fails.")

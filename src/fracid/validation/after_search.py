@@ -40,6 +40,7 @@ from fracid.selection.bic import STRONG
 from fracid.selection.integer_alternatives import ROUGH, other_inputs
 from fracid.selection.integer_rival import Rival, gain_over
 from fracid.selection.residual_noise import leftovers
+from fracid.selection.step import QUIET
 from fracid.signals.resolution import noise_level
 from fracid.signals.swing import swing_count, swing_period, swing_start
 from fracid.solver.memory import compressed
@@ -47,7 +48,6 @@ from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import time_scale
 from fracid.solver.stiffness import fault_of, step_gain
 from fracid.units import plain, with_unit
-from fracid.validation.discretisation import QUIET
 from fracid.validation.sensor_faults import misread, misreadings
 
 SAYS = Words("validation/after_search.toml")

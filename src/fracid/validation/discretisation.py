@@ -33,7 +33,7 @@ from fracid.optimise import Evaluation
 from fracid.problem import Problem
 from fracid.problem.checks import MOST_STEPS
 from fracid.safety.schema import Infinite, Record, Unknown
-from fracid.selection.step import COARSE, HELPS
+from fracid.selection.step import COARSE, HELPS, QUIET
 from fracid.solver.methods import METHODS
 from fracid.units import letter, signed
 
@@ -111,9 +111,6 @@ class Discretisation(Record):
 
 COARSE_STEP = "step"
 """The code of a finding of the discretisation check, whose sentence stands there."""
-
-QUIET = 0.2
-"""CI half-widths by which half the step may move an unknown."""
 
 TO_THE_LIMIT = 4 / 3
 """What all finer steps move, of what half the step does, by a scheme of second order."""
