@@ -303,6 +303,22 @@ def test_a_swing_is_drafted_about_where_it_swings_wherever_the_zero_of_its_angle
     assert "angle_rest [log]" in problem.names
 
 
+@pytest.mark.parametrize("zero", [0.0, 0.3, 1.57, 9.0])
+def test_an_arm_that_a_motor_lifts_is_drafted_near_wherever_the_zero_of_its_encoder_lies(tmp_path, zero):
+    t, truth = np.arange(0, 10, 0.005), {"J": 2e-3, "gravity": 0.05, "b_angle": 5e-3, "coulomb_angle": 4e-3}
+    torque = 0.02 * np.sin(2 * t + 0.25 * t**2)
+    arm = fracid.model("joint").with_parameters(**truth)
+    still = fracid.Experiment("arm", 0.005, np.zeros((t.size, 1)), torque[:, None] * [1, 0, 0, 0])
+    problem = fracid.Problem(arm, (still,), {"mu": 1.0}, initial_state="held")
+    noise = 3e-4 * np.random.default_rng(1).standard_normal(t.size)
+    angle = zero + problem.simulate(problem.start, still).states[:, 0] + noise
+    table = ["joint", "t,torque [N m],angle [rad]", t, torque, np.round(angle * 4096 / (2 * np.pi)) * 2 * np.pi / 4096]
+    _, problem = drafted(tmp_path, *table)
+    starts = {n: problem.parameters[n].start for n in ("J", "gravity", "angle_rest")}
+    assert starts == {"J": pytest.approx(2e-3, rel=0.3), "gravity": pytest.approx(0.05, rel=0.3),
+                      "angle_rest": pytest.approx(zero - 2 * np.pi * (zero > 5), abs=0.2)}  # fmt: skip
+
+
 @pytest.mark.parametrize("zero", [0.0, 0.02, -0.3])
 def test_the_zero_of_a_displacement_is_free_from_where_it_moves_about(tmp_path, zero):
     t = np.arange(0, 8, 0.01)

@@ -37,6 +37,9 @@ STEPS = 300
 ABOVE = 30.0
 """Times the floor of its spectrum: what of a signal stands so high is motion, and smoothing leaves it alone."""
 
+NOISE, MOST = 0.1, 6.0
+"""Where more of the derivatives is noise, all signals are smoothed more, by so much at most."""
+
 TERM = 0.03
 """An optional term is kept, and a size, if without it the equations leave more by this part of what they leave."""
 
@@ -142,6 +145,7 @@ def _found(equations: _Equations, free: Sequence[str], optional: Sequence[str]) 
         if not _is_lower(less, cost):
             break
         names, values, cost = [*names, n], more, less
+    felt += equations.reach(base | values, free)  # where an arm hangs, by now that its weight is known
     names += [n for n in free if n in felt and n not in names]
     values, cost = _fitted(equations, _in_size(equations, base | values, names), names)
     here = base | {n: v for n, v in values.items() if base[n]}  # of a term that is all but 0 no slope can be measured
@@ -209,7 +213,10 @@ class _Equations:
         self.orders = [0.5 if isinstance(o, Complement) else 1.0 for o in model.orders] if not named else (
             model.state_orders(named).tolist())  # fmt: skip
         measured = {n: i for n, i in model.output_states.items() if n in signals}
-        width = smoothing(np.column_stack([signals[n] for n in measured or model.outputs if n in signals]), step)
+        shown = np.column_stack([signals[n] for n in measured or model.outputs if n in signals])
+        width = smoothing(shown, step)
+        while width < MOST * smoothing(shown, step) and _noise_in_slopes(shown, width, 2 if model.rates else 1) > NOISE:
+            width *= 1.25
 
         def smooth(x: FloatArray, order: int = 0) -> FloatArray:
             return np.asarray(gaussian_filter1d(x, width, order=order, mode="nearest")) / step**order
@@ -304,6 +311,17 @@ def _highest(x: FloatArray, step: float) -> float:
     power = np.convolve(power, np.full(5, 0.2), mode="same")
     high = np.flatnonzero(power > ABOVE * np.median(power[len(power) // 2 :]))
     return float(max(high[-1] if high.size else 1, 1)) / (len(x) * step)
+
+
+def _noise_in_slopes(measured: FloatArray, width: float, degree: int) -> float:
+    """What white noise is of the first or second derivatives of signals, the most of all, after so much smoothing."""
+    from scipy.ndimage import gaussian_filter1d
+
+    slopes = gaussian_filter1d(measured, width, order=degree, axis=0)
+    gain = (1, 1.5 / width**2)[degree - 1] / (4 * np.sqrt(np.pi) * width**3)
+    power = np.abs(np.fft.rfft((measured - measured.mean(axis=0)) * np.hanning(len(measured))[:, None], axis=0)) ** 2
+    floor = np.median(power[len(power) // 2 :], axis=0) / (0.375 * len(measured))
+    return float(np.sqrt(np.max(gain * floor / np.maximum(np.var(slopes, axis=0), np.finfo(float).tiny))))
 
 
 def _fitted(equations: _Equations, base: ByName, names: Sequence[str]) -> tuple[dict[str, float], float]:

@@ -336,18 +336,17 @@ class _ModelPage:
 
     @cached_property
     def middles(self) -> dict[str, float]:
-        """Parameter that says where an output rests → about what it moves in the end.
+        """Parameter that says where an output rests → about what it moves; an angle to a turn, or to half of one.
 
-        An angle is left at 0 where it is slight, or where something drives it; `zero` says whether it hangs there.
+        A pendulum's, whose `zero` says whether it hangs there, is left at 0 where it is slight or something drives it.
         """
         r, found = self.recordings[0], dict[str, float]()
         for n in (n for n in self.outputs if self.model.rest_of(n) and "bias" not in self.columns[n]):
-            rest, middle = self.model.rest_of(n), float(np.nanmedian(r.signals[n][-len(r.time) // 3 :]))
-            looked_for = self.sought(rest)
+            rest, middle = self.model.rest_of(n), float(np.nanmedian(r.signals[n][len(r.time) // 3 :]))
             if self.model.output_unit(n) == "rad":
-                middle -= math.pi * round(middle / math.pi)
-                looked_for = not looked_for and abs(middle) > SLIGHT and not moving_inputs(r, self.model)
-            found |= {rest: middle} if looked_for else {}
+                middle -= (turn := math.pi if self.model.zero else 2 * math.pi) * round(middle / turn)
+            if self.sought(rest) or (abs(middle) > SLIGHT and not moving_inputs(r, self.model)):
+                found[rest] = middle
         return found
 
     def sought(self, name: str) -> bool:
