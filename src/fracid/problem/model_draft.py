@@ -345,7 +345,8 @@ class _ModelPage:
             rest, middle = self.model.rest_of(n), float(np.nanmedian(r.signals[n][len(r.time) // 3 :]))
             if self.model.output_unit(n) == "rad":
                 middle -= (turn := math.pi if self.model.zero else 2 * math.pi) * round(middle / turn)
-            if self.sought(rest) or (abs(middle) > SLIGHT and not moving_inputs(r, self.model)):
+            free = self.table["model"]["parameters"][rest].get("free")
+            if free or (not self.sought(rest) and abs(middle) > SLIGHT and not moving_inputs(r, self.model)):
                 found[rest] = middle
         return found
 
