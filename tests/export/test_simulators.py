@@ -18,7 +18,7 @@ RIGS = {
     "joint": ({"gravity": 0.1, "spring_angle": 0.05, "angle_rest": 0.1, "level": 0.2, "drag_angle": 1e-3, "mass": 0.2,
                "length": 0.08}, {}, 0.1),
     "cart-pole": ({"drag_angle": 1e-3}, {"angle": 0.6}, 2.0),
-    "two-mass": ({}, {}, 0.1),
+    "two-mass": ({"load_rest": 0.1}, {}, 0.1),
     "rotary-pendulum": ({"b_theta": 1e-2, "b_alpha": 2e-4, "drag_alpha": 1e-5, "cable_stiffness": 1e-2,
                          "theta_rest": 0.1, "alpha_rest": 0.02, "back_emf": 1e-3}, {"alpha": 0.5}, 1.0),
 }  # fmt: skip

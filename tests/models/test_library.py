@@ -64,7 +64,7 @@ def joint(x, u, p):
 
 def two_mass(x, u, p):
     motor, motor_rate, load, load_rate, y = x
-    shaft = p["k"] * (motor - load) + p["d"] * (motor_rate - load_rate) + p["springpot_shaft"] * y
+    shaft = p["k"] * (motor - load + p["load_rest"]) + p["d"] * (motor_rate - load_rate) + p["springpot_shaft"] * y
     dry = [p[f"coulomb_{n}"] * smooth(v, p["slip_speed"]) for n, v in (("motor", motor_rate), ("load", load_rate))]
     return (motor_rate, (u["torque"] - shaft - p["b_motor"] * motor_rate - dry[0]) / p["J_motor"],
             load_rate, (shaft - p["b_load"] * load_rate - dry[1]) / p["J_load"], motor_rate - load_rate)  # fmt: skip

@@ -73,8 +73,8 @@ class Rig:
 
     model: Identified
     links: tuple[Link, ...]
-    shaft: tuple[tuple[str, ...], float, float] | None
-    """The joints that a spring connects, its stiffness and damping."""
+    shaft: tuple[tuple[str, ...], float, float, float] | None
+    """The joints that a spring connects, its stiffness and damping, and by how much they differ where it is slack."""
     lost: tuple[str, ...]
     """What is left out, in sentences with the code of the reason."""
 
@@ -135,7 +135,9 @@ def rig_of(model: Identified, target: str) -> Rig:
             raise InputError(SAYS("no-body", link=link, least=min(link.inertia)))
         links.append(link)
     shaft = rows.get("shaft")
-    spring = (tuple(shaft["joints"]), values(shaft["stiffness"]), values(shaft["damping"])) if shaft else None
+    spring = None
+    if shaft:
+        spring = tuple(shaft["joints"]), *(values(shaft[n]) for n in ("stiffness", "damping", "rest"))
     return Rig(model, tuple(links), spring, tuple(_lost(model, values.used, target)))
 
 

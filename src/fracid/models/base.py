@@ -329,8 +329,8 @@ class Model(CardDisplay):
         return {p.name: replace(kind, rung=p.rung or kind.rung) for p, kind in kinds if kind is not None}
 
     def _by_name(self, name: str) -> Friction | None:
-        """What a parameter is by the beginning of its name, at the joint that the end of its name says."""
-        kinds = ((k, name.removeprefix(b)) for b, k in BY_NAME.items() if name.startswith(b))
+        """What a parameter is by the beginning of its name, at the joint that the end of its name says; no rest is."""
+        kinds = ((k, name.removeprefix(b)) for b, k in BY_NAME.items() if name.startswith(b) and name not in self.rests)
         kind, joint = next(kinds, (None, ""))
         if kind is None or joint not in self.outputs:
             return kind
