@@ -40,6 +40,9 @@ ABOVE = 30.0
 NOISE, MOST = 0.1, 6.0
 """Where more of the derivatives is noise, all signals are smoothed more, by so much at most."""
 
+REACH = 6.0
+"""Widths of the Gaussian: cut at four, the second derivative of a constant of 5 rad at 500 Hz is 120 rad/s^2."""
+
 TERM = 0.03
 """An optional term is kept, and a size, if without it the equations leave more by this part of what they leave."""
 
@@ -219,7 +222,7 @@ class _Equations:
             width *= 1.25
 
         def smooth(x: FloatArray, order: int = 0) -> FloatArray:
-            return np.asarray(gaussian_filter1d(x, width, order=order, mode="nearest")) / step**order
+            return np.asarray(gaussian_filter1d(x, width, order=order, mode="nearest", truncate=REACH)) / step**order
 
         def slope(x: FloatArray, *states: int) -> FloatArray:
             """The derivatives of these states' orders, one after the other."""
@@ -317,7 +320,7 @@ def _noise_in_slopes(measured: FloatArray, width: float, degree: int) -> float:
     """What white noise is of the first or second derivatives of signals, the most of all, after so much smoothing."""
     from scipy.ndimage import gaussian_filter1d
 
-    slopes = gaussian_filter1d(measured, width, order=degree, axis=0)
+    slopes = gaussian_filter1d(measured, width, order=degree, axis=0, truncate=REACH)
     gain = (1, 1.5 / width**2)[degree - 1] / (4 * np.sqrt(np.pi) * width**3)
     power = np.abs(np.fft.rfft((measured - measured.mean(axis=0)) * np.hanning(len(measured))[:, None], axis=0)) ** 2
     floor = np.median(power[len(power) // 2 :], axis=0) / (0.375 * len(measured))

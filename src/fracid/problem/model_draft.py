@@ -330,9 +330,14 @@ class _ModelPage:
         sought = [n for n in rows if self.sought(n) and not (rows[n]["start"] == 0.0 and self.grows(n))]
         free = [n for n in sought if rows[n]["start"] != 0.0 or rows[n].get("free") or self._slides(n)]
         optional = [n for n in sought if rows[n]["start"] == 0.0 and not self._slides(n)]
-        signals |= {n: signals[n] - self.middles.get(model.rest_of(n), 0.0) for n in self.outputs if n in signals}
-        found = first_values(model, r.report.clock.step, signals, free, optional=optional, starts=starts)
-        return replace(found, values={n: v + self.middles.get(n, 0.0) for n, v in found.values.items()})
+
+        def beginning_at(rests: Mapping[str, float]) -> FirstValues:
+            about = {n: x - rests.get(model.rest_of(n), 0.0) for n, x in signals.items()}
+            found = first_values(model, r.report.clock.step, about, free, optional=optional, starts=starts)
+            return replace(found, values={n: v + rests.get(n, 0.0) for n, v in found.values.items()})
+
+        either = [beginning_at(rests) for rests in ({}, self.middles)[: 1 + bool(self.middles)]]
+        return max(either, key=lambda found: found.explained)
 
     @cached_property
     def middles(self) -> dict[str, float]:
