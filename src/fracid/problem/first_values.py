@@ -321,7 +321,7 @@ def _noise_in_slopes(measured: FloatArray, width: float, degree: int) -> float:
     from scipy.ndimage import gaussian_filter1d
 
     slopes = gaussian_filter1d(measured, width, order=degree, axis=0, truncate=REACH)
-    gain = (1, 1.5 / width**2)[degree - 1] / (4 * np.sqrt(np.pi) * width**3)
+    gain = 1 / (4 * np.sqrt(np.pi) * width**3) if degree == 1 else 3 / (8 * np.sqrt(np.pi) * width**5)
     power = np.abs(np.fft.rfft((measured - measured.mean(axis=0)) * np.hanning(len(measured))[:, None], axis=0)) ** 2
     floor = np.median(power[len(power) // 2 :], axis=0) / (0.375 * len(measured))
     return float(np.sqrt(np.max(gain * floor / np.maximum(np.var(slopes, axis=0), np.finfo(float).tiny))))
