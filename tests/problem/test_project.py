@@ -276,15 +276,17 @@ rabbits = HOW
 """
 
 
-@pytest.mark.parametrize(("said", "shown"), [("m", "m"), ("V", "V"), ("K", "K"), ("kg/m^3", "1")])
+@pytest.mark.parametrize(("said", "shown"), [("m", "m"), ("V", "V"), ("K", "K"), ("kg/m^3", "1"), ("", "1")])
 def test_an_output_of_a_column_without_a_unit_has_the_model_s_or_is_a_number_never_an_angle(
     project, tmp_path, said, shown
 ):
     table = np.column_stack([T, 500 * np.exp(-T)])
     np.savetxt(tmp_path / "rabbits.csv", table, delimiter=",", header="t,rabbits", comments="")
-    (e,) = project(POPULATION.replace("HOW", "1").replace('unit = "1"', f'unit = "{said}"')).problem.experiments
+    problem = project(POPULATION.replace("HOW", "1").replace('unit = "1"', f'unit = "{said}"')).problem
+    (e,), start = problem.experiments, problem.unknowns[-1]
     assert e.units == {"rabbits": shown}
     assert e.measured[0, 0] == 500.0
+    assert (start.name, start.range.lower, start.range.upper) == ("rabbits(0) [rabbits]", 400.0, 600.0)
 
 
 def test_a_header_in_another_unit_than_the_models_is_told_and_in_one_of_another_kind_refused(project, tmp_path):
@@ -298,6 +300,9 @@ def test_a_header_in_another_unit_than_the_models_is_told_and_in_one_of_another_
                 'rabbits is taken as K, the model\'s unit, which is not what its header says: type unit = "K"' in note
             )
             assert project(text.replace("HOW", '{ column = 1, unit = "K", zero = -273.15 }')).notes == ()
+            assert project(text.replace("HOW", "1").replace('"K"', '"degC"')).notes == ()
+            (note,) = project(text.replace("HOW", "1").replace('"K"', '"degF"')).notes
+            assert 'type unit = "1" in rabbits' in note
         else:
             with pytest.raises(InputError, match="rabbits is a quantity in K of this model, and its unit is V"):
                 project(text.replace("HOW", "1"))
@@ -312,6 +317,28 @@ def test_an_output_that_is_a_pure_number_is_none_of_counts_nor_an_angle(project,
     (recording,) = project(POPULATION.replace("HOW", how)).recordings
     assert (e.units, recording.units) == ({"rabbits": "1"}, {"rabbits": "1"})
     assert recording.report.findings == ()
+
+
+def test_an_input_without_a_unit_is_in_the_model_s_and_none_of_degrees(project, tmp_path):
+    table = np.column_stack([T, 500 * np.exp(-T), 20 * np.sin(9 * T)])
+    np.savetxt(tmp_path / "rabbits.csv", table, delimiter=",", header="t,rabbits,fed", comments="")
+    for said, unit, between in (("V", "V", "hold"), ("m s^-2", "1", "line")):
+        text = POPULATION.replace("[model.equations]", f'inputs = {{ fed = "{said}" }}\n[model.equations]')
+        found = project(text.replace("HOW", "1\nfed = 2"))
+        assert found.recordings[0].units["fed"] == unit
+        assert found.recordings[0].report.findings == ()
+        assert found.problem.experiments[0].between.get("fed", "line") == between
+
+
+def test_an_output_that_is_infinite_is_a_run_that_fails(project, tmp_path):
+    np.savetxt(
+        tmp_path / "rabbits.csv", np.column_stack([T, 500 * np.exp(-T)]), delimiter=",", header="t,n", comments=""
+    )
+    text = POPULATION.replace('equals = "rabbits"', 'equals = "rabbits/V"').replace("HOW", "1")
+    text = text.replace("[[rec", "V = { start = 1.0, lower = 0.0, upper = 9.0 }\n[[rec")
+    problem = project(text + "initial = { rabbits = 500.0 }\n").problem
+    (errors,) = problem.all_errors([problem.start * [name != "V" for name in problem.names]])
+    assert str(errors) == "rabbits: an output is not finite"
 
 
 def test_an_order_that_has_the_name_of_a_parameter_is_refused_with_what_to_type(project):

@@ -176,7 +176,7 @@ class Experiment(CardDisplay):
         blanks = [recording.blanks.get(n, ()) + recording.blanks.get(f"{n}{DEVIATION}", ()) for n in outputs]
         options["blanks"] = tuple(blanks) if any(blanks) else ()
         options["deviation"] = _deviation(recording, outputs)
-        units = {**recording.units} | {n: model.output_units.get(n, "rad") for n in recording.assumed}
+        units = {**recording.units} | {n: model.output_unit(n) for n in recording.assumed}
         if step is None:
             step, inputs = _on_the_grid(recording, model, inputs, options)
         inputs = _with_rates(recording, model, step, inputs, options=options)

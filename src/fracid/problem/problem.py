@@ -104,7 +104,7 @@ class Problem(Parametrisation, CardDisplay):
         on |= {n for e in self.experiments for n, v in e.constants.items() if v != 0.0}
         model = self.model.equipped(on)
         outputs = tuple(model.outputs) if self.outputs is EVERY else self.outputs
-        own = {n: model.output_units.get(n, "rad") for n in outputs}
+        own = {n: model.output_unit(n) for n in outputs}
         each = tuple(e if {*own} <= {*e.units} else replace(e, units=own | {**e.units}) for e in self.experiments)
         sensors = [table for e in each for table in (e.sensors, e.actuators)]
         units = {**model.input_units} | {n: u for e in each for n, u in e.units.items()}

@@ -698,12 +698,14 @@ def _load(spec: _Recording, channels: _Channels, model: Model, folder: Path, pas
     )  # fmt: skip
     recording = load(columns)
     headers, units = with_code(recording.report.reading, "header-taken-as"), {**model.input_units, **model.output_units}
-    own = {n: unit if unit in UNITS else "1" for n, unit in model.output_units.items() if n in recording.assumed}
-    if own:  # the model says it, no file
+    said = {n: model.unit_of(n) for n in signals if n in recording.assumed}  # by the model, no file
+    own = {n: unit if unit in UNITS else "1" for n, unit in said.items() if unit != "rad"}
+    if own:
         recording = load(columns | {n: replace(Channel.of(columns[n]), unit=unit) for n, unit in own.items()})
     held = {n for n, between in (held_inputs(recording.units, model) | channels.between).items() if between == "hold"}
-    told = [Note(SAYS("other-header", name=n.where, unit=units[n.where]), "other-header", n.where) for n in headers
-            if units.get(n.where, "1") != "1"]  # fmt: skip
+    unlike = {n.where: unit for n in headers if (unit := units.get(n.where, "1")) != "1" and repr(unit) not in n}
+    told = [Note(SAYS("other-header", name=n, unit=unit, typed=unit if unit in UNITS else "1"), "other-header", n)
+            for n, unit in unlike.items()]  # fmt: skip
     report = replace(recording.report, reading=(*recording.report.reading, *told))
     recording = resampled(replace(recording, held=recording.held | held, report=report), spec.resample)
     recording = recording.masked(spec.mask)

@@ -50,6 +50,9 @@ LIMIT = 1e4
 UNMEASURED = 1e12
 """The same where something moves that nobody measures, and whose unit may be small: a pressure behind a cylinder."""
 
+ENDLESS = 1e100
+"""An output beyond this has no square: one over a parameter that is 0."""
+
 
 @dataclass(frozen=True, eq=False)
 class Simulator:
@@ -123,7 +126,10 @@ class Simulator:
         outputs = [
             _read(self._signal(x, e, run, n), time, readings.get(n, Reading()), even=e.times is None) for n in p.outputs
         ]
-        return means(np.column_stack(outputs), min(p.substeps, e.means))
+        simulated = means(np.column_stack(outputs), min(p.substeps, e.means))
+        if not np.all(np.abs(simulated) < ENDLESS):
+            return Failure(FailureReason.RUN, f"{e.name}: an output is not finite")
+        return simulated
 
     def _signal(self, x: FloatArray, e: Experiment, run: Trajectory, output: str) -> Trajectory:
         """One output on the grid of a run."""
