@@ -43,6 +43,7 @@ from fracid.estimation.covariance import Known, Uncertainty, half_width, uncerta
 from fracid.estimation.curvature import curvature, newton_step
 from fracid.estimation.estimates import estimates_at, fits_at, validation_fit
 from fracid.estimation.horizons import Watch, growing, lowest_from, uninterrupted
+from fracid.estimation.input_noise import noisy_inputs, with_input_noise
 from fracid.estimation.interval_walk import walked
 from fracid.estimation.long_records import (
     TO_COMPARE,
@@ -101,6 +102,9 @@ NESTED: Mapping[str, Any] = {"tolerance": 1e-3, "budget": 5}
 
 ELSEWHERE = 0.25
 """Of the work of a stage after the search: to look for another minimum."""
+
+WIDER = 1.5
+"""From which factor on the noise of inputs is told."""
 
 NO_CLAIM = Claim("undecided", ("The fit was not examined to its end.",))
 
@@ -304,6 +308,11 @@ class Examination:
         """Allow for what inputs do between their samples."""
         at = self.at
         known, findings, notes = between_samples(at.problem, at.x, at.uncertainty, jobs=self.setting.jobs)
+        if at.near is not None and not isinstance(known, Failure):
+            exact, known = known, with_input_noise(at.near, known)
+            wider = float(np.nanmax(known.standard_error / exact.standard_error, initial=1.0))
+            said = SAYS("noisy-input", names=" and ".join(noisy_inputs(at.problem)), wider=wider)
+            notes += (Note(said, said.code),) * (wider > WIDER)
         self.at = replace(self.at, uncertainty=known)
         self.findings += findings
         self.warnings += notes

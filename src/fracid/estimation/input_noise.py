@@ -1,0 +1,142 @@
+r"""What the noise of recorded inputs adds to intervals.
+
+A simulation takes its inputs as exact.  The noise of one that a sensor has recorded, a torque or a current, shakes the
+simulated rig, and that is a slow motion: of what it does a fit takes up the most, and what it leaves hides beneath the
+noise of the outputs, so the residuals tell little of it (of a lightly damped rig the true values lay 8 half-widths
+away, of a residual that nobody would call coloured).
+
+:func:`with_input_noise` shakes the inputs anew, by as much as their differences say (:func:`input_noise`).  The errors
+change by Δ, the minimum by :math:`-A^{-1}J'Δ`, and the mean square of that over some draws is what the noise adds to
+the variance of independent residuals; where the intervals are as wide already, as the residual shows it, they stay.
+An exact input that changes as fast as noise, a random command, shakes nothing.  So its noise is no more than the
+spectrum of the residual allows: white noise σ² and a part s of what is left of Δ beside the parameters, of spectrum P,
+with the largest s up to 1 of which Whittle's likelihood, :math:`-\sum \log(σ^2 + sP) + R/(σ^2 + sP)` of the residual's
+spectrum R, is within 1.92 of the best.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import compress
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import Failure
+from fracid.estimation.covariance import Uncertainty
+from fracid.estimation.long_records import is_coarse
+from fracid.estimation.tangent import Tangent
+from fracid.problem import Experiment, Problem
+
+DRAWS = 16
+"""From which a standard deviation is known to a fifth."""
+
+DIFFERENCES = range(2, 6)
+"""White noise is the same in differences of every order; of a motion those shrink."""
+
+PARTS = (0.0, *np.geomspace(1e-6, 1.0, 61).tolist())
+"""Of the noise that differences show."""
+
+
+def input_noise(samples: FloatArray) -> float:
+    """The noise of most samples of an input, by the order of differences that shows the least; 0 of one held or few.
+
+    Examples
+    --------
+    >>> t = np.arange(1000) / 50
+    >>> round(input_noise(np.sin(6 * t) + 0.01 * np.random.default_rng(1).standard_normal(1000)), 3)
+    0.01
+    >>> input_noise(np.floor(t))
+    0.0
+    """
+    if len(samples) <= max(DIFFERENCES):
+        return 0.0
+    steps = (np.median(np.abs(np.diff(samples, k))) / math.sqrt(math.comb(2 * k, k)) for k in DIFFERENCES)
+    return float(min(steps)) / 0.6745
+
+
+def noisy_inputs(problem: Problem) -> tuple[str, ...]:
+    """Those whose samples scatter in some recording.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment, Problem
+    >>> push = np.random.default_rng(1).standard_normal((99, 1))
+    >>> driven = Experiment("driven", 0.01, np.zeros((99, 1)), push)
+    >>> noisy_inputs(Problem(fracid.model("oscillator"), (driven,), {"mu": 1.0}))
+    ('force',)
+    """
+    scatter = np.any([_levels(problem, e) for e in problem.experiments], axis=0)
+    return tuple(n for n, noisy in zip(problem.model.inputs, scatter, strict=True) if noisy)
+
+
+def with_input_noise(near: Tangent, known: Uncertainty) -> Uncertainty:
+    """The intervals with what the noise of inputs adds to them.
+
+    Parameters
+    ----------
+    near : Tangent
+        At the minimum.
+    known : Uncertainty
+        There, of inputs that are exact.
+
+    Examples
+    --------
+    A mass on a spring that is pushed for 20 s, and how much wider the interval of its order is for the noise of a load
+    cell, 3 % of the force:
+
+    >>> import fracid
+    >>> from fracid.estimation.covariance import uncertainty
+    >>> from fracid.estimation.minimum import settled
+    >>> from fracid.problem import Experiment, Free, Problem
+    >>> t, rng = np.arange(1000) / 50, np.random.default_rng(1)
+    >>> push = np.sin(2 * t + 0.2 * t**2)[:, None]
+    >>> rig = fracid.model("oscillator", m=1.0, k=40.0, b_displacement=0.4)
+    >>> run = fracid.simulate(rig, orders={"mu": 1.0}, initial={}, inputs=push, step=0.02, end=t[-1])
+    >>> moved = run.states[:, :1] + 1e-3 * rng.standard_normal((1000, 1))
+    >>> def wider(noise):
+    ...     cell = push + noise * rng.standard_normal((1000, 1))
+    ...     problem = Problem(rig, (Experiment("pushed", 0.02, moved, cell),), {"mu": Free(1.0, 0.5, 1.2)})
+    ...     here = settled(problem, problem.start)
+    ...     known = uncertainty(problem, here.x, near=here)
+    ...     return round(float((with_input_noise(here, known).standard_error / known.standard_error)[0]), 1)
+    >>> wider(0.0), wider(0.03)
+    (1.0, 6.8)
+    """
+    problem, rows, x = near.problem, near.rows[:, :-1], near.x
+    if is_coarse(problem) or not noisy_inputs(problem):
+        return known
+    shifts, left = [], []
+    for rng in np.random.default_rng(1).spawn(DRAWS):
+        shaken = [replace(e, inputs=e.inputs + _levels(problem, e) * rng.standard_normal(e.inputs.shape))
+                  for e in problem.experiments]  # fmt: skip
+        errors = replace(problem, experiments=tuple(shaken), memo=None).errors(x)
+        if isinstance(errors, Failure):
+            return known
+        shifts.append(np.linalg.lstsq(rows, near.pulls(near.errors, x) - near.pulls(errors, x))[0])
+        left.append(_spectrum([e - was + J @ shifts[-1]
+                               for e, was, J in zip(errors, near.errors, near.derivatives, strict=True)]))  # fmt: skip
+    added = _part(np.mean(left, axis=0), _spectrum(near.errors)) * np.mean(np.square(shifts), axis=0)
+    missing = np.maximum(0.0, known.white**2 + added - known.standard_error**2)
+    return known.wider(problem.space, x, np.sqrt(missing))
+
+
+def _levels(problem: Problem, e: Experiment) -> FloatArray:
+    """Of each input; 0 of the rates that are made of others, whose noise is theirs."""
+    names = problem.model.inputs
+    return np.array([0.0 if n in problem.model.input_rates else input_noise(u)
+                     for n, u in zip(names, e.inputs.T, strict=True)])  # fmt: skip
+
+
+def _spectrum(errors: list[FloatArray]) -> FloatArray:
+    """Of every output of every recording, one behind the other."""
+    return np.concatenate([np.abs(np.fft.rfft(column)) ** 2 for e in errors for column in e.T])
+
+
+def _part(shaken: FloatArray, residual: FloatArray) -> float:
+    """The largest s, up to 1, that the residual's spectrum allows."""
+    white = np.median(residual) / math.log(2.0)
+    costs = [float(np.sum(np.log(white + s * shaken) + residual / (white + s * shaken))) for s in PARTS]
+    return float(max(compress(PARTS, np.array(costs) < min(costs) + 1.92)))

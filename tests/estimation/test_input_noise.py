@@ -1,0 +1,54 @@
+"""The noise of a recorded input is in the intervals, and an exact input that looks like noise hardly is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import fracid
+from fracid.estimation.covariance import uncertainty
+from fracid.estimation.input_noise import input_noise, with_input_noise
+from fracid.estimation.minimum import settled
+from fracid.problem import Experiment, Free, Problem
+
+T = np.arange(1500) / 50
+K, B = 40.0, 0.5
+
+
+def pushed(push, noise, seed):
+    """Standard errors of μ, k and b with and without the noise of the force, and how far off the values are."""
+    rng = np.random.default_rng(seed)
+    moved = solve_ivp(
+        lambda t, x: [x[1], np.interp(t, T, push) - B * x[1] - K * x[0]],
+        (0, T[-1]), [0.0, 0.0], t_eval=T, rtol=1e-8, atol=1e-10, max_step=0.05,
+    ).y[:1].T  # fmt: skip
+    moved = moved + 0.01 * moved.std() * rng.standard_normal(moved.shape)
+    force = (push + noise * push.std() * rng.standard_normal(len(T)))[:, None]
+    rig, swing = fracid.model("oscillator", m=1.0, k3=0.0), Experiment("pushed", 0.02, moved, force)
+    problem = Problem(
+        rig, (swing,), {"mu": Free(1.0, 0.8, 1.2)},
+        {"k": Free(K, 10.0, 90.0), "b_displacement": Free(B, 0.0, 2.0)}, substeps=4,
+    )  # fmt: skip
+    here = settled(problem, problem.start)
+    known = uncertainty(problem, here.x, near=here)
+    off = here.x[:3] - [1.0, K, B]
+    return known.standard_error[:3], with_input_noise(here, known).standard_error[:3], off
+
+
+def test_values_lie_as_far_off_as_the_noise_of_the_input_says():
+    sweep = np.sin(2 * T + 0.15 * T**2)
+    without, within, off = np.array([pushed(sweep, 0.03, seed) for seed in range(6)]).swapaxes(0, 1)
+    assert np.all(np.sqrt(np.mean((off / without) ** 2, axis=0)) > 2.5)
+    assert np.all(np.sqrt(np.mean((off / within) ** 2, axis=0)) < 1.6)
+
+
+@pytest.mark.parametrize("push", [np.sin(2 * T + 0.15 * T**2), np.random.default_rng(9).standard_normal(len(T))])
+def test_exact_inputs_widen_little_even_where_they_look_like_noise(push):
+    without, within, _ = pushed(push, 0.0, 1)
+    assert np.all(within / without < 1.6)
+
+
+def test_a_motion_has_no_noise_however_coarse_its_samples():
+    assert input_noise(np.sin(np.arange(200) * 0.8)) < 0.1
+    assert input_noise(np.repeat([0.0, 5.0, -3.0], 40)) == 0.0
