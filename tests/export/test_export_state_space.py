@@ -12,7 +12,7 @@ from scipy.io import loadmat
 import fracid
 from fracid.errors import InputError
 from fracid.export.recursion import Case
-from fracid.export.state_space import DECIBEL, DEGREES, follows, integer_model, linear_sentences, positive_sum
+from fracid.export.state_space import DECIBEL, DEGREES, follows, integer_model, linear_sentences, moving, positive_sum
 from fracid.models import Parameter
 from fracid.models.written.mathematics import _Read as Simpler
 from fracid.models.written.tree import Call, Entry, Name, Number, Operation
@@ -182,6 +182,18 @@ def test_presliding_is_a_spring_with_a_dashpot_where_the_joint_sticks_and_dry_fr
         assert ("without dry friction" in words) is not bool(presliding)
         assert row[1] == pytest.approx(-(b + damping) / J)
         assert row[4:] == pytest.approx([-(f + s) / delta / J] if presliding else [])
+
+
+def test_friction_that_grows_with_the_load_is_dry_friction_which_a_moving_joint_has_no_slope_of():
+    """About 0.5 rad gravity loads the joint, J D² x = u − b D x − G sin x − κ |G sin x| tanh(D x / v)."""
+    J, G, b, at = 5e-3, 0.25, 0.02, 0.5
+    e = fracid.Experiment("e", 0.01, np.zeros((50, 1)), np.zeros((1, 4)))
+    joint = fracid.model("joint", J=J, gravity=G, b_angle=b, load_angle=0.1, load_directional_angle=0.05)
+    system = integer_model(fracid.Problem(joint, (e,), {"mu": 1.0}))
+    p, held = moving(joint, system.parameters), np.array([G * np.sin(at), 0.0, 0.0, 0.0])
+    linear = system.linearised("held", joint.state_vector({"angle": at}), p, held)
+    np.testing.assert_allclose(linear.F[1, :2], [-G * np.cos(at) / J, -b / J], rtol=1e-6)
+    assert "without dry friction, which" in " ".join(linear_sentences(system))
 
 
 @pytest.mark.parametrize("element", [{"play_theta": 5e-3, "arm_stiffness": 50.0}, {"dead_zone": 0.3}])

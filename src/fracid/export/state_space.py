@@ -555,7 +555,7 @@ def linear_sentences(system: IntegerModel) -> Iterator[str]:
     """What the linear models about a posture leave out."""
     model, p = system.model, by_name(system.model.parameter_names, system.parameters)
     smooth = by_name(model.parameter_names, moving(model, system.parameters))
-    dry = [name for name, kind in model.friction.items() if kind.dry]
+    dry = [name for name, kind in model.friction.items() if kind.corner == "sliding"]
     without = ["dry friction"] * any(p[n] != smooth[n] for n in dry)
     without += [n for n in p if p[n] != smooth[n] and n not in (*dry, model.drive)]
     if without:
