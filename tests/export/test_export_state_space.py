@@ -1,8 +1,10 @@
 """Integer-order state space against the fractional model: operators, models about both postures, python-control."""
 
 import json
+import re
 import warnings
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,8 +14,18 @@ from scipy.io import loadmat
 import fracid
 from fracid.errors import InputError
 from fracid.export.recursion import Case
-from fracid.export.state_space import DECIBEL, DEGREES, follows, integer_model, linear_sentences, moving, positive_sum
+from fracid.export.state_space import (
+    DECIBEL,
+    DEGREES,
+    follows,
+    integer_model,
+    linear_sentences,
+    moving,
+    positive_sum,
+    sentences,
+)
 from fracid.models import Parameter
+from fracid.models.written.equations import Equation, Equations
 from fracid.models.written.mathematics import _Read as Simpler
 from fracid.models.written.tree import Call, Entry, Name, Number, Operation
 from fracid.plots import linear_response
@@ -370,6 +382,16 @@ def test_a_step_of_an_input_has_the_models_unit():
     figure = linear_response(integer_model(problem), "rest")
     assert figure.axes[-1].get_title() == "step of 1 N"
     assert figure.axes[0].get_ylabel() == "magnitude [dB re 1 m/N]"
+
+
+def test_an_output_that_is_not_fitted_has_the_models_unit_too():
+    rates = {"position": Equation("speed"), "speed": Equation("force - 9*position - speed", "mu")}
+    model = Equations(rates, inputs={"force": "N"}).model("axis", [])
+    e = fracid.Experiment("axis", 0.01, np.zeros((500, 1)), np.ones((1, 1)), units={"position": "m"})
+    problem = fracid.Problem(model, (e,), {"mu": 0.9}, initial_state="held", outputs=("position",))
+    run, system = SimpleNamespace(problem=problem, x=problem.start), integer_model(problem)
+    assert re.search(r"is off the fractional one by position \S+ m, speed \S+ rms", " ".join(sentences(run, system)))
+    assert linear_response(system, "rest").axes[-1].get_ylabel() == "speed [–]"
 
 
 @pytest.mark.few(1)
