@@ -1,7 +1,7 @@
 """An observer of an identified model: its states, and chosen constants and orders, from a few sensors, step by step.
 
 An extended Kalman filter on the modes of the memory (:mod:`fracid.solver.kalman`).  What the model does not explain
-drives it as white noise, whose intensity makes the recordings of the fit most likely.
+drives it as white noise, one value a step, whose intensity makes the recordings of the fit most likely.
 """
 
 from __future__ import annotations
