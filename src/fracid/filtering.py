@@ -1,7 +1,7 @@
 """An observer of an identified model: its states, and chosen constants and orders, from a few sensors, step by step.
 
 An extended Kalman filter on the modes of the memory (:mod:`fracid.solver.kalman`).  What the model does not explain
-drives it as white noise, whose intensity makes the recordings of the fit most likely.
+drives it as white noise, one value a step, whose intensity makes the recordings of the fit most likely.
 """
 
 from __future__ import annotations
@@ -116,7 +116,10 @@ class StateObserver:
         return np.asarray(C @ F.P @ C.T + np.diag(doubt))
 
     def step(self, measured: Sequence[float], inputs: Sequence[float] = ()) -> Track:
-        """Take one sample of the sensors, NaN for one that is missing, and the inputs."""
+        """Take one sample of the sensors, NaN for one that is missing, and the inputs at the sample.
+
+        An input that is computed from this estimate is written into ``now.u`` afterwards.
+        """
         return self.run(np.atleast_2d(np.asarray(measured, dtype=np.float64)), np.atleast_2d(inputs))
 
     def run(self, measured: FloatArray, inputs: FloatArray | None = None) -> Track:
@@ -126,7 +129,7 @@ class StateObserver:
         ----------
         measured : ndarray, shape (n, n_sensors)
         inputs : ndarray, shape (n, n_inputs), optional
-            Those of the step that ends with the sample where they are held, else those at the sample.
+            Those at the samples; held ones keep their value until the next.
 
         Returns
         -------
@@ -140,13 +143,10 @@ class StateObserver:
         rows = np.full((every * (len(y) - 1) + between, y.shape[1]), np.nan)
         rows[between - 1 :: every] = y
         if len(u) > 1 or every > 1:
-            u = np.broadcast_to(u, (len(y), u.shape[1]))
-            if self.held:
-                u = np.vstack([np.repeat(u[:1], between, axis=0), np.repeat(u[1:], every, axis=0)])
-            else:
-                known = np.vstack([self.now.u, u])
-                at = 1 + (np.arange(len(rows)) - between + 1) / every
-                u = np.column_stack([np.interp(at, np.arange(len(known)), column) for column in known.T])
+            known = np.vstack([self.now.u, np.broadcast_to(u, (len(y), u.shape[1]))])
+            at = 1 + (np.arange(len(rows)) - between + 1) / every
+            at = np.floor(at) if self.held else at
+            u = np.column_stack([np.interp(at, np.arange(len(known)), column) for column in known.T])
         width = 2 * (states + k)
         out = np.zeros((len(rows), width + len(self.sensors) + 3))
         variance = np.array([self.noise[n] ** 2 for n in self.sensors])
@@ -249,24 +249,17 @@ def first_samples(problem: Problem, sensors: Sequence[str], most: int) -> tuple[
     Examples
     --------
     >>> import fracid
-    >>> e = fracid.Experiment("twin", 0.01, np.zeros((9, 1)), np.arange(9.0)[:, None], between={"torque": "hold"})
+    >>> e = fracid.Experiment("twin", 0.01, np.zeros((9, 1)), np.arange(9.0)[:, None])
     >>> problem = fracid.Problem(fracid.model("pendulum"), (e,), {"mu": 1.0}, initial_state="held")
-    >>> first_samples(problem, ("angle",), 3)[1].ravel().tolist()  # each until its sample
-    [0.0, 0.0, 1.0]
+    >>> first_samples(problem, ("angle",), 3)[1].ravel().tolist()
+    [0.0, 1.0, 2.0]
     """
     e = problem.experiments[0]
     y = np.full((min(most, len(e.measured)), len(sensors)), np.nan)
     for m, n in enumerate(sensors):
         if n in problem.outputs:
             y[:, m] = e.measured[: len(y), problem.outputs.index(n)]
-    if len(e.inputs) == 1:
-        return y, e.inputs
-    return y, np.vstack([e.inputs[:1], e.inputs])[: len(y)] if _held(problem) else e.inputs[: len(y)]
-
-
-def _held(problem: Problem) -> bool:
-    kinds = problem.experiments[0].between
-    return bool(kinds) and all(kinds.get(n) == "hold" for n in problem.model.inputs)
+    return y, e.inputs[: len(y)]
 
 
 @dataclass
@@ -321,8 +314,9 @@ class _Made:
             z, a, b, begin, rates=np.array([lowest, SPACING, float(count)]), orders=orders, p=p, slow=slow,
             of=np.array(of), drive=drives, xi=xi, P=P, u=np.zeros(max(1, len(model.inputs))), h=np.array([h]),
         )  # fmt: skip
+        held = bool(e.between) and all(e.between.get(n) == "hold" for n in model.inputs)
         return StateObserver(model, self.sensors, self.noise, tuple(self.slow), start=first, substeps=problem.substeps,
-                             held=_held(problem))  # fmt: skip
+                             held=held)  # fmt: skip
 
     def _sizes(self) -> FloatArray:
         """How large f is along the recording, of the states that forces act on; of those whose rate is a state 0."""

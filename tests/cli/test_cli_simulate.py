@@ -201,6 +201,12 @@ def test_a_twin_of_a_problem_is_what_the_problem_simulates(release_time, substep
     assert np.allclose(made.time, 2.0 + e.time)
 
 
+def test_a_state_that_is_an_output_has_its_unit():
+    twin = Twin.of_library("two-mass")
+    units = twin.record(twin.simulate(), states=True).units
+    assert (units["state motor"], units["state load"], units["motor_rate"]) == ("rad", "rad", "1")
+
+
 def test_a_start_in_motion_keeps_its_measured_past_and_refuses_another_grid():
     whole = Twin.of_model(fracid.rotary_pendulum(), initial={"alpha": 0.4}, step=0.01, end=4.0, hold=0.5)
     before, after = whole.record(whole.simulate(), noise={"alpha": 1e-4, "theta": 1e-4}, seed=3).split(1.2)

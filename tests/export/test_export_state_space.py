@@ -1,8 +1,10 @@
 """Integer-order state space against the fractional model: operators, models about both postures, python-control."""
 
 import json
+import re
 import warnings
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,8 +14,18 @@ from scipy.io import loadmat
 import fracid
 from fracid.errors import InputError
 from fracid.export.recursion import Case
-from fracid.export.state_space import DECIBEL, DEGREES, follows, integer_model, linear_sentences, positive_sum
+from fracid.export.state_space import (
+    DECIBEL,
+    DEGREES,
+    follows,
+    integer_model,
+    linear_sentences,
+    moving,
+    positive_sum,
+    sentences,
+)
 from fracid.models import Parameter
+from fracid.models.written.equations import Equation, Equations
 from fracid.models.written.mathematics import _Read as Simpler
 from fracid.models.written.tree import Call, Entry, Name, Number, Operation
 from fracid.plots import linear_response
@@ -182,6 +194,18 @@ def test_presliding_is_a_spring_with_a_dashpot_where_the_joint_sticks_and_dry_fr
         assert ("without dry friction" in words) is not bool(presliding)
         assert row[1] == pytest.approx(-(b + damping) / J)
         assert row[4:] == pytest.approx([-(f + s) / delta / J] if presliding else [])
+
+
+def test_friction_that_grows_with_the_load_is_dry_friction_which_a_moving_joint_has_no_slope_of():
+    """About 0.5 rad gravity loads the joint, J D² x = u − b D x − G sin x − κ |G sin x| tanh(D x / v)."""
+    J, G, b, at = 5e-3, 0.25, 0.02, 0.5
+    e = fracid.Experiment("e", 0.01, np.zeros((50, 1)), np.zeros((1, 4)))
+    joint = fracid.model("joint", J=J, gravity=G, b_angle=b, load_angle=0.1, load_directional_angle=0.05)
+    system = integer_model(fracid.Problem(joint, (e,), {"mu": 1.0}))
+    p, held = moving(joint, system.parameters), np.array([G * np.sin(at), 0.0, 0.0, 0.0])
+    linear = system.linearised("held", joint.state_vector({"angle": at}), p, held)
+    np.testing.assert_allclose(linear.F[1, :2], [-G * np.cos(at) / J, -b / J], rtol=1e-6)
+    assert "without dry friction, which" in " ".join(linear_sentences(system))
 
 
 @pytest.mark.parametrize("element", [{"play_theta": 5e-3, "arm_stiffness": 50.0}, {"dead_zone": 0.3}])
@@ -358,6 +382,16 @@ def test_a_step_of_an_input_has_the_models_unit():
     figure = linear_response(integer_model(problem), "rest")
     assert figure.axes[-1].get_title() == "step of 1 N"
     assert figure.axes[0].get_ylabel() == "magnitude [dB re 1 m/N]"
+
+
+def test_an_output_that_is_not_fitted_has_the_models_unit_too():
+    rates = {"position": Equation("speed"), "speed": Equation("force - 9*position - speed", "mu")}
+    model = Equations(rates, inputs={"force": "N"}).model("axis", [])
+    e = fracid.Experiment("axis", 0.01, np.zeros((500, 1)), np.ones((1, 1)), units={"position": "m"})
+    problem = fracid.Problem(model, (e,), {"mu": 0.9}, initial_state="held", outputs=("position",))
+    run, system = SimpleNamespace(problem=problem, x=problem.start), integer_model(problem)
+    assert re.search(r"is off the fractional one by position \S+ m, speed \S+ rms", " ".join(sentences(run, system)))
+    assert linear_response(system, "rest").axes[-1].get_ylabel() == "speed [–]"
 
 
 @pytest.mark.few(1)

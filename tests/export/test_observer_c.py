@@ -31,6 +31,9 @@ CASES = {
         {"substeps": 2},
     ),
     "held inputs": (fracid.model("joint", gravity=0.1), {"mu": 1.0}, {"angle": 0.3}, {}, {"held": True}),
+    "an output with a held input": (
+        fracid.model("capacitor"), {n: 0.9 for n in fracid.model("capacitor").order_names}, {}, {}, {"held": True},
+    ),
     "an output that is a function": (
         fracid.model("capacitor"), {n: 0.9 for n in fracid.model("capacitor").order_names}, {}, {}, {},
     ),

@@ -306,7 +306,8 @@ def test_a_model_written_out_as_equations_and_read_again_is_the_same(name, tmp_p
     np.savetxt(tmp_path / "rig.csv", rest, delimiter=",", header=",".join(["time", *units]), comments="")
     text += "\n".join(["[fit]", 'initial_state = "held"', "[[recording]]", 'file = "rig.csv"', *signals, ""])
     again = project_from_text(text, tmp_path / "model.toml").problem.model
-    assert (again.orders, again.input_rates, again.angles) == (model.orders, model.input_rates, model.angles)
+    assert (again.orders, again.angles) == (model.orders, model.angles)
+    assert (again.input_rates, again.input_defaults) == (model.input_rates, model.input_defaults)
     assert [*again.relaxing.values()] == [*model.relaxing.values()]
     assert [again.states.index(s) for s in again.follows] == [model.states.index(s) for s in model.follows]
     for _ in range(10):
@@ -384,6 +385,15 @@ def test_an_input_of_the_projects_equations_that_no_column_has_is_told(tmp_path,
     notes = " ".join(project_from_text(text, tmp_path / "axis.toml").notes)
     assert says in notes
     assert ("taken as 0" in notes) == bool(says)
+
+
+def test_an_input_that_no_column_has_is_at_its_default_where_the_model_has_one(tmp_path, project):
+    more = 'inputs = { force = "N", enable = "1" }\ninput_defaults = { enable = 1.0 }'
+    text = PROJECT.replace('inputs = { force = "N" }', more).replace("(force -", "(enable*force -")
+    np.testing.assert_array_equal(project(text).experiments[0].inputs[:, 1], 1.0)
+    assert "no column of it" not in " ".join(project_from_text(text, tmp_path / "axis.toml").notes)
+    with pytest.raises(fracid.InputError, match="unknown input in input_defaults of linear-axis 'on'"):
+        project(text.replace("{ enable = 1.0 }", "{ on = 1.0 }"))
 
 
 @pytest.mark.usefixtures("project")

@@ -335,7 +335,7 @@ class IntegerModel:
     operators: tuple[Operator, ...]
     """Of each state."""
     units: Mapping[str, str] = field(default_factory=dict)
-    """Output → its unit; rad where it says nothing."""
+    """Output → its unit where that is not the model's."""
     around: FloatArray | None = None
     """Inputs about which the recordings are, shape (n_inputs,); 0 if left out."""
 
@@ -555,7 +555,7 @@ def linear_sentences(system: IntegerModel) -> Iterator[str]:
     """What the linear models about a posture leave out."""
     model, p = system.model, by_name(system.model.parameter_names, system.parameters)
     smooth = by_name(model.parameter_names, moving(model, system.parameters))
-    dry = [name for name, kind in model.friction.items() if kind.dry]
+    dry = [name for name, kind in model.friction.items() if kind.corner == "sliding"]
     without = ["dry friction"] * any(p[n] != smooth[n] for n in dry)
     without += [n for n in p if p[n] != smooth[n] and n not in (*dry, model.drive)]
     if without:
@@ -584,7 +584,8 @@ def _fidelity(run: SavedRun, system: IntegerModel) -> Iterator[str]:
         yield f"Over {e.name} the integer-order model cannot be simulated at the recording's step."
         return
     stiff = f", poles up to {system.decay.max():.2g} rad/s: take a stiff solver" if system.decay.max() > STIFF else ""
-    words = ", ".join(f"{n} {with_unit(v, system.units.get(n, 'rad'), '.2g')}" for n, v in errors.items())
+    units = {n: system.units.get(n, p.model.output_unit(n)) for n in errors}
+    words = ", ".join(f"{n} {with_unit(v, units[n], '.2g')}" for n, v in errors.items())
     yield SAYS("off", e=e, states=len(system.decay), stiff=stiff, words=words)
 
 

@@ -789,6 +789,7 @@ def _check_shapes(model: Model) -> None:
         elif not isinstance(index, int) or not 0 <= index < len(model.states):
             raise InputError(SAYS("output-index", model=model, output=output, index=index, last=len(model.states) - 1))
     refuse_unknown(f"input in input_rates of {model.name}", model.inputs, *chain(*model.input_rates.items()))
+    refuse_unknown(f"input in input_defaults of {model.name}", model.inputs, *model.input_defaults)
     for name, value in model.integer_orders.items():
         refuse_unknown(f"order in integer_orders of {model.name}", model.order_names, name)
         if value is not None and (not is_number(value) or value not in (0, 1)):

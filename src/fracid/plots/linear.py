@@ -73,7 +73,7 @@ def linear_response(system: Any, posture: str, *, style: str | Style = "screen")
             h = response[:, column, 0]
             magnitude.semilogx(omega, 20 * np.log10(np.maximum(np.abs(h), 1e-12)), **line, label=name)
             phase.semilogx(omega, np.degrees(np.unwrap(np.angle(h))), **line)
-        own = system.units.get(output, "rad")
+        own = system.units.get(output, system.model.output_unit(output))
         display_unit, factor = axis_unit(own)
         step.plot(time, factor * exact[:, column], **FRACTIONAL)
         step.plot(time, factor * integer[:, column], **INTEGER)

@@ -210,6 +210,8 @@ class _Model(_Equations):
     """Each one's unit, of a model of equations."""
     input_rates: dict[str, str] = {}
     """And the input of which it is the rate."""
+    input_defaults: dict[str, float] = {}
+    """And its value in a recording that has others."""
     scene: dict[str, dict[str, str | float | list[str | float]]] = {}
 
     @model_validator(mode="after")
@@ -489,7 +491,8 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     if content.model.equations:
         notes += unknown_units({p.name: p.unit for p in model.parameters} | {**model.input_units})
         notes += [SAYS("no-input", name=n, recording=r.name, unit=unit) for r in (one.recording for one in loaded)
-                  for n, unit in content.model.inputs.items() if n not in (*r.signals, *model.input_rates)]  # fmt: skip
+                  for n, unit in content.model.inputs.items()
+                  if n not in (*r.signals, *model.input_rates, *model.input_defaults)]  # fmt: skip
     if paper:
         given = {n: float(v) for n, v in content.model.parameters.items() if isinstance(v, float | int)}
         notes.append(differences(problem, content.model.rig, given))
@@ -521,7 +524,8 @@ def _alternatives(specs: list[_Alternative], problem: Problem, folder: Path) -> 
 def _alternative(spec: _Alternative, problem: Problem, folder: Path) -> Problem:
     """The same recordings with another model, every order of which is an integer."""
     base = problem.model
-    shared = {"inputs": {n: base.input_units.get(n, "") for n in base.inputs}, "input_rates": {**base.input_rates}}
+    shared = {"inputs": {n: base.input_units.get(n, "") for n in base.inputs}, "input_rates": {**base.input_rates},
+              "input_defaults": {**base.input_defaults}}  # fmt: skip
     own = {n: getattr(spec, n) for n in _Equations.model_fields}
     if bool(spec.model) == bool(spec.equations):
         raise InputError(SAYS("alternative-without-model", spec=spec))
@@ -552,7 +556,7 @@ def _model(spec: _Model, folder: Path, paper: bool) -> tuple[Model, dict[str, Va
     starts = {n: starting_value(v) for n, v in parameters.items() if not isinstance(v, Tied)}
     if spec.equations:
         return _of_equations(spec, parameters), parameters
-    for key in ("inputs", "input_rates", "definitions", "outputs", "scene"):
+    for key in ("inputs", "input_rates", "input_defaults", "definitions", "outputs", "scene"):
         if getattr(spec, key):
             raise InputError(SAYS("of-equations", key=key))
     model = model_from_name(spec.name, spec.rig, spec.zero, spec.actuation, parameters=starts, folder=folder)
@@ -576,7 +580,8 @@ def _of_equations(spec: _Model, parameters: Values) -> Model:
     starts = {n: starting_value(v) for n, v in roots.items() if not isinstance(v, Tied)}
     constants = [Parameter(n, units.get(n, ""), start, "") for n, start in starts.items()]
     written = Equations(spec.equations, spec.outputs, spec.inputs, spec.definitions, scene=spec.scene)
-    return replace(written.model(spec.name, constants), input_rates=spec.input_rates)
+    model = written.model(spec.name, constants)
+    return replace(model, input_rates=spec.input_rates, input_defaults=spec.input_defaults)
 
 
 def _plain(values: Mapping[str, _Value]) -> dict[str, Value]:

@@ -272,7 +272,6 @@ def _predict(rhs, F, t, u, c, dc):
             _drive(F, i, J, W, ca[i] + w0[i], x1)
     for s in range(len(F.slow)):
         P[modes + s, modes + s] += F.slow[s, 4]
-    F.u[:] = u
 
 
 @helper
@@ -344,7 +343,7 @@ def _refresh(F, c, dc):
 def run_filter(rhs, outputs, F, first, measured, inputs, variance, held, out):
     """Step through samples: rows of `measured` (NaN where there is none), and of `inputs`.
 
-    Row k is measured at the end of step `first` + k; `held` inputs are those of the whole step, others its end's.
+    Row k is measured at the end of step `first` + k, and its inputs are those then; `held` ones last until the next.
     `out` takes a row a sample: states, slow states, their standard deviations, innovations, NIS, logs, count.
     """
     states, modes, slow, sensors = len(F.orders), len(F.z), len(F.slow), len(variance)
@@ -354,11 +353,8 @@ def run_filter(rhs, outputs, F, first, measured, inputs, variance, held, out):
     for n in range(len(measured)):
         t, u = (first + n - 1) * F.h[0], inputs[n] if len(inputs) > 1 else inputs[0]
         if first + n > 0:
-            if held:
-                F.u[:] = u
-            _predict(rhs, F, t, u, c, dc)
-        else:
-            F.u[:] = u
+            _predict(rhs, F, t, F.u if held else u, c, dc)
+        F.u[:] = u
         nis, logs, count = _correct(outputs, F, t + F.h[0], u, c, dc, measured[n], variance, innovation)
         _refresh(F, c, dc)
         _states(F, c, F.xi, x)

@@ -331,7 +331,8 @@ class Twin(CardDisplay):
         for name in self.inputs or ():
             if name not in self.model.input_rates:
                 signals[name], units[name] = self._read(name, run.time), si_unit(self.model.input_unit(name))
-        for name, x in zip(self.model.states, run.states.T, strict=True) if states else ():
+        shown = {i: units[n] for n, i in self.model.output_states.items()}
+        for i, name in enumerate(self.model.states if states else ()):
             label = f"state {name}" if name in signals else name
-            signals[label], units[label] = x, "1"
+            signals[label], units[label] = run.states[:, i], shown.get(i, "1")
         return Recording.of(self.name, self.start + run.time, signals, units)

@@ -447,7 +447,7 @@ def equations_of(model: Model) -> dict[str, dict[str, Any]]:
     units = {name: model.output_unit(name) for name in model.shown}
     return {
         "inputs": {name: model.input_units.get(name, "") for name in model.inputs},
-        "input_rates": dict(model.input_rates),
+        "input_rates": dict(model.input_rates), "input_defaults": dict(model.input_defaults),
         "definitions": {name: write(value) for name, value in flat.definitions.items()},
         "equations": equations,
         "outputs": {name: {"equals": write(value)} | ({} if units[name] == "1" else {"unit": units[name]})
