@@ -24,9 +24,9 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
-from fracid.estimation.covariance import Uncertainty
+from fracid.estimation.covariance import Known
 from fracid.estimation.long_records import is_coarse
-from fracid.estimation.tangent import Tangent
+from fracid.estimation.tangent import Tangent, tangent
 from fracid.problem import Experiment, Problem
 
 DRAWS = 16
@@ -72,15 +72,22 @@ def noisy_inputs(problem: Problem) -> tuple[str, ...]:
     return tuple(n for n, noisy in zip(problem.model.inputs, scatter, strict=True) if noisy)
 
 
-def with_input_noise(near: Tangent, known: Uncertainty) -> Uncertainty:
+def with_input_noise(
+    problem: Problem, x: FloatArray, known: Known, *, near: Tangent | None = None, jobs: int = 1
+) -> Known:
     """The intervals with what the noise of inputs adds to them.
 
     Parameters
     ----------
-    near : Tangent
-        At the minimum.
-    known : Uncertainty
+    problem : Problem
+    x : array, shape (n_unknowns,)
+        Its minimum.
+    known : Uncertainty or Failure
         There, of inputs that are exact.
+    near : Tangent, optional
+        There; asked for if left out.
+    jobs : int
+        Threads.
 
     Examples
     --------
@@ -101,24 +108,28 @@ def with_input_noise(near: Tangent, known: Uncertainty) -> Uncertainty:
     ...     problem = Problem(rig, (Experiment("pushed", 0.02, moved, cell),), {"mu": Free(1.0, 0.5, 1.2)})
     ...     here = settled(problem, problem.start)
     ...     known = uncertainty(problem, here.x, near=here)
-    ...     return round(float((with_input_noise(here, known).standard_error / known.standard_error)[0]), 1)
+    ...     found = with_input_noise(problem, here.x, known, near=here)
+    ...     return round(float((found.standard_error / known.standard_error)[0]), 1)
     >>> wider(0.0), wider(0.03)
     (1.0, 6.8)
     """
-    problem, rows, x = near.problem, near.rows[:, :-1], near.x
-    if is_coarse(problem) or not noisy_inputs(problem):
+    cannot = is_coarse(problem) or problem.blocks is not None or problem.cost_function.loss is None
+    if isinstance(known, Failure) or cannot or not noisy_inputs(problem):
         return known
-    shifts, left = [], []
+    here = tangent(problem, x, jobs=jobs) if near is None else near
+    if isinstance(here, Failure):
+        return known
+    rows, shifts, left = here.rows[:, :-1], [], []
     for rng in np.random.default_rng(1).spawn(DRAWS):
         shaken = [replace(e, inputs=e.inputs + _levels(problem, e) * rng.standard_normal(e.inputs.shape))
                   for e in problem.experiments]  # fmt: skip
         errors = replace(problem, experiments=tuple(shaken), memo=None).errors(x)
         if isinstance(errors, Failure):
             return known
-        shifts.append(np.linalg.lstsq(rows, near.pulls(near.errors, x) - near.pulls(errors, x))[0])
+        shifts.append(np.linalg.lstsq(rows, here.pulls(here.errors, x) - here.pulls(errors, x))[0])
         left.append(_spectrum([e - was + J @ shifts[-1]
-                               for e, was, J in zip(errors, near.errors, near.derivatives, strict=True)]))  # fmt: skip
-    added = _part(np.mean(left, axis=0), _spectrum(near.errors)) * np.mean(np.square(shifts), axis=0)
+                               for e, was, J in zip(errors, here.errors, here.derivatives, strict=True)]))  # fmt: skip
+    added = _part(np.mean(left, axis=0), _spectrum(here.errors)) * np.mean(np.square(shifts), axis=0)
     missing = np.maximum(0.0, known.white**2 + added - known.standard_error**2)
     return known.wider(problem.space, x, np.sqrt(missing))
 

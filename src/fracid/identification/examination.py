@@ -308,11 +308,14 @@ class Examination:
         """Allow for what inputs do between their samples."""
         at = self.at
         known, findings, notes = between_samples(at.problem, at.x, at.uncertainty, jobs=self.setting.jobs)
-        if at.near is not None and not isinstance(known, Failure):
-            exact, known = known, with_input_noise(at.near, known)
-            wider = float(np.nanmax(known.standard_error / exact.standard_error, initial=1.0))
-            said = SAYS("noisy-input", names=" and ".join(noisy_inputs(at.problem)), wider=wider)
-            notes += (Note(said, said.code),) * (wider > WIDER)
+        exact = known
+        known = with_input_noise(at.problem, at.x, exact, near=at.near, jobs=self.setting.jobs)
+        if isinstance(exact, Uncertainty) and isinstance(known, Uncertainty):
+            wide = known.standard_error > WIDER * exact.standard_error
+            if np.any(wide):
+                most = np.max(known.standard_error[wide] / exact.standard_error[wide])
+                said = SAYS("noisy-input", names=" and ".join(noisy_inputs(at.problem)), wider=most)
+                notes += (Note(said, said.code),)
         self.at = replace(self.at, uncertainty=known)
         self.findings += findings
         self.warnings += notes

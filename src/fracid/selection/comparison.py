@@ -44,6 +44,7 @@ from fracid.errors import Failure, InputError
 from fracid.estimation.climbing import by_windows, embedded, late_rungs, starting_at, without
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, from_start, lowest_from
+from fracid.estimation.input_noise import with_input_noise
 from fracid.estimation.long_records import is_coarse, to_compare
 from fracid.estimation.records import RecordingFit
 from fracid.estimation.search import search
@@ -357,7 +358,9 @@ def _fit_structure(
     every = followed | {name: (e, y) for name, (_, e, y) in predicted.items()}
     curves = {n: _curves(problem, e, y, len(every)) for n, (e, y) in every.items() if not isinstance(y, Failure)}
     intervals, beyond, at_bound = dict[str, tuple[float, float]](), dict[str, float](), tuple[str, ...]()
-    if not isinstance(precision := uncertainty(problem, best.point, jobs=jobs), Failure):
+    precision = uncertainty(problem, best.point, jobs=jobs)
+    precision = with_input_noise(problem, best.point, precision, jobs=jobs)
+    if not isinstance(precision, Failure):
         searched = {problem.names[i]: i for i in problem.order_indices}
         intervals = {n: ends for n, i in searched.items() if (ends := precision.interval(best.point, i)) is not None}
         beyond = {n: precision.half_beyond_bounds(searched[n]) for n in intervals}
