@@ -125,7 +125,7 @@ def test_of_a_rig_that_rests_by_itself_the_controller_that_brings_it_back_is_cho
     least = max(found.tried, key=lambda d: d.distance)
     assert found.design.error < 0.7 * least.error
     assert found.design.distance > 0.5
-    assert "holds rest at x = 1.146° in 1 of 1 draws" in found.sentence
+    assert "holds rest at x = 0.02 in 1 of 1 draws" in found.sentence
     assert f"about {found.conditions.place}" in c_controller(found)
 
 
