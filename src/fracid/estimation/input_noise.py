@@ -35,6 +35,9 @@ DRAWS = 16
 DIFFERENCES = range(2, 6)
 """White noise is the same in differences of every order; of a motion those shrink."""
 
+NEGLIGIBLE = 3e-5
+"""Of an input's range: commands of a slow curve scatter by a tenth of that."""
+
 PARTS = (0.0, *np.geomspace(1e-6, 1.0, 61).tolist())
 """Of the noise that differences show."""
 
@@ -53,7 +56,8 @@ def input_noise(samples: FloatArray) -> float:
     if len(samples) <= max(DIFFERENCES):
         return 0.0
     steps = (np.median(np.abs(np.diff(samples, k))) / math.sqrt(math.comb(2 * k, k)) for k in DIFFERENCES)
-    return float(min(steps)) / 0.6745
+    level = float(min(steps)) / 0.6745
+    return level if level > NEGLIGIBLE * np.ptp(samples) else 0.0
 
 
 def noisy_inputs(problem: Problem) -> tuple[str, ...]:
