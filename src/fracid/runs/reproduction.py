@@ -22,16 +22,18 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from fracid.cards import CardDisplay
 from fracid.errors import InputError, typed
 from fracid.runs.environment import code, machine
-from fracid.runs.folder import CODE, SAYS, VERSION, inputs_of, result_of, run_state
+from fracid.runs.folder import CODE, MEMO, SAYS, VERSION, inputs_of, result_of, run_state
 from fracid.runs.saved import SavedRun, load_run
 from fracid.safety.schema import Beside, Infinite, Listed, Record, computed, read_if_whole
 from fracid.schemas.run_record import EnvironmentBlock, FitOptions
 from fracid.tasks.job import one_blas_thread
+from fracid.tasks.simulation_cache import Memo
 from fracid.units import half_of
 
 ELSEWHERE = 1e-9
@@ -160,8 +162,8 @@ def reproduce(folder: str | Path, *, trust: bool = False, jobs: int = 1, **optio
     there = read_if_whole(run.folder / "environment.json", EnvironmentBlock) | {"code": state.code}
     here = machine() | {"code": code()}
     changed = not_as_before(run.folder, state.inputs, inputs_of(run.project), there, here=here)
-    with one_blas_thread():  # as on the command line: several threads add up in another order
-        fit = identify(run.project, jobs=jobs, **_how(state.options, run), **options)
+    with one_blas_thread(), TemporaryDirectory() as place, Memo(Path(place) / MEMO) as memo:  # as on the command line
+        fit = identify(run.project, jobs=jobs, memo=memo, **_how(state.options, run), **options)
     return compared(run.result, result_of(fit, run.project, {}), changed)
 
 
