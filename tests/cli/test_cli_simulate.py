@@ -229,6 +229,18 @@ def test_a_held_input_has_its_mean_in_each_longer_step_and_its_value_in_each_sho
         assert np.allclose(other.record(other.simulate()).signals["voltage"], means)
 
 
+@pytest.mark.parametrize(("step", "substeps"), [(0.04, 1), (0.04, 32), (0.015, 1)])
+@pytest.mark.parametrize("between", ["line", "hold"])
+def test_a_run_follows_an_input_that_has_more_samples_than_its_recording(between, step, substeps):
+    time = 0.01 * np.arange(121)
+    u = 3 * np.sign(np.random.default_rng(1).standard_normal(121))
+    fine = Twin.of_model(fracid.rotary_pendulum(), initial={}, step=0.005, end=1.2, substeps=4,
+                         between={"voltage": between}, inputs={"voltage": (time, u)})  # fmt: skip
+    coarse = fine.changed(step=step, substeps=substeps)
+    exact = fine.simulate().states[:: round(step / 0.005)]
+    assert abs(coarse.simulate().states - exact).max() < 1e-2 * np.ptp(exact)
+
+
 def test_an_input_from_a_file_does_between_its_samples_what_the_project_says(two_recordings, tmp_path):
     (tmp_path / "push.csv").write_text("time,voltage [V]\n" + "".join(f"{0.5 * k},{k % 2}\n" for k in range(20)))
     twin = twin_of(str(two_recordings / "rig.toml"), recording=None, zero=None, friction=False, released=False,
@@ -255,6 +267,17 @@ def test_a_file_drives_a_rig_to_its_end(capsys, tmp_path):
     assert np.all(theta[time <= 0.5] == 0)
     assert abs(theta[-1]) > 0.1
     assert np.load(file)["voltage"][-1] == 5
+
+
+def test_an_input_that_ends_early_or_has_more_samples_than_the_recording_is_said(capsys, tmp_path):
+    (tmp_path / "push.csv").write_text("time [s],u [V]\n" + "".join(f"{0.01 * k},{k % 3}\n" for k in range(51)))
+    words = "simulate", "srv02-rotpen", "--input", tmp_path / "push.csv", "--to", tmp_path / "twin.csv", "--force"
+    code, _, err = run(capsys, *words, "--end", "0.5", "--step", "10ms")
+    assert (code, err) == (0, "")
+    _, _, err = run(capsys, *words, "--end", "0.6", "--step", "20ms")
+    said = " ".join(err.split())
+    assert "The samples of voltage end 0.5 s after the start; from there on it keeps its last value, 2 V." in said
+    assert "voltage has a sample every 0.01 s, and the simulation follows each; the recording has one" in said
 
 
 def test_a_voltage_from_a_file_is_held_whatever_its_input_is_called(tmp_path):

@@ -5,14 +5,16 @@ from __future__ import annotations
 import re
 import shlex
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fracid._version import __version__
-from fracid.arrays import by_name
+from fracid.arrays import ROUNDED, by_name
 from fracid.errors import DataError, InputError, entry_of, typed, unknown_name
 from fracid.findings import Words
 from fracid.models import MODELS, RIGS, model_from_name, rotary_pendulum
@@ -200,6 +202,7 @@ def simulate_twin(
     if truth is not None:
         _refuse_over("--truth", truth, (".json",), force)
     watching = unless_given(observer)
+    watching.notices(_input_notes(twin))
     watching.stage("simulation")
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -218,6 +221,18 @@ def simulate_twin(
     paths = _written(recording, record, file, folder, truth=truth)
     watching.stage("")
     return SimulatedRecording(twin, run, recording, record, files=paths)
+
+
+def _input_notes(twin: Twin) -> Iterator[str]:
+    """What neither the command nor the recording says of an input: how it goes on, and what is between its rows."""
+    for name, (times, u) in (twin.inputs or {}).items():
+        if name in twin.model.input_rates or np.ptp(u) == 0.0:
+            continue
+        gap, last = np.ptp(times) / (len(times) - 1), f"{u[-1]:.4g} {twin.model.input_unit(name)}".removesuffix(" 1")
+        if twin.end > times[-1] + (1 + ROUNDED) * gap:
+            yield SAYS("input-ends", name=name, end=times[-1], last=last)
+        if twin.step > (1 + ROUNDED) * gap:
+            yield SAYS("input-finer", name=name, gap=gap, step=twin.step)
 
 
 def _stem(source: str) -> str:
