@@ -256,7 +256,7 @@ def test_a_file_drives_a_rig_to_its_end(capsys, tmp_path):
     file = tmp_path / "driven.npz"
     code, _, err = run(capsys, "simulate", "srv02-rotpen", "--input", tmp_path / "push.csv", "--to", file)
     assert code == 2
-    assert "has 2 columns besides its time: u, other. Say which drives it: --input" in err
+    assert "has 2 columns besides its time: u, other. Say which of them is voltage: --input" in err
     code, out, _ = run(
         capsys, "simulate", "srv02-rotpen", "--input", f"{tmp_path / 'push.csv'},column=u", "--to", file, "--json"
     )
@@ -284,6 +284,12 @@ def test_a_voltage_from_a_file_is_held_whatever_its_input_is_called(tmp_path):
     (tmp_path / "pump.csv").write_text("time,pump\n" + "".join(f"{0.5 * k},{k % 2}\n" for k in range(20)))
     tanks = twin_of("tanks", recording=None, zero=None, friction=False, released=False, trust=False)
     assert driven(tanks, tmp_path / "pump.csv", {}, to_its_end=True).between == {"pump": "hold"}
+
+
+def test_of_several_columns_the_one_that_is_called_as_the_input_drives_it(tmp_path):
+    (tmp_path / "cell.csv").write_text("time_s,current_A,voltage_V\n" + "".join(f"{k},{k % 2},3\n" for k in range(20)))
+    cell = twin_of("capacitor", recording=None, zero=None, friction=False, released=False, trust=False)
+    assert driven(cell, tmp_path / "cell.csv", {}, to_its_end=True).inputs["current"][1].max() == 1.0
 
 
 @pytest.mark.parametrize("channel", [{}, {"column": "pump [mV]"}])

@@ -21,7 +21,7 @@ from fracid.models import MODELS, RIGS, model_from_name, rotary_pendulum
 from fracid.models.library import MODEL as LIBRARY
 from fracid.problem.experiment import held_inputs, refuse_other_dimensions
 from fracid.recording import Recording, inspect_recording, load_recording
-from fracid.recording.channel import si_unit
+from fracid.recording.channel import si_unit, without_unit
 from fracid.recording.writing import WRITERS, save_recording
 from fracid.runs.saved import SavedRun
 from fracid.safety.door import write_files
@@ -150,10 +150,10 @@ def driven(twin: Twin, file: Path, channel: Mapping[str, Any], *, to_its_end: bo
     if not (inputs := twin.model.inputs):
         raise InputError(f"{twin.model.name} has no input; leave out --input.")
     there = inspect_recording(file)
-    here = [n for n in there.signals if n in inputs] or list(there.signals)
+    here = [n for n in there.signals if without_unit(n) in inputs] or list(there.signals)
     if not channel and len(here) > 1:
-        raise InputError(SAYS("columns", file=file, count=len(here), columns=', '.join(here),
-                              typed=shlex.quote(f'{file},column={here[-1]}')))  # fmt: skip
+        raise InputError(SAYS("columns", file=file, count=len(here), columns=', '.join(here), name=inputs[0],
+                              typed=shlex.quote(f"{file},column=NAME")))  # fmt: skip
     given = channel or {"column": int(here[0]) if here[0].isdigit() else here[0]}
     if str(given.get("column")) not in there.signals.keys() - there.assumed:  # else its header says the unit
         given = {"unit": si_unit(twin.model.input_unit(inputs[0])), **given}
