@@ -47,6 +47,7 @@ def test_of_a_run_it_prints_the_plan_and_writes_the_sheet_beside_it(capsys, fold
     (row,) = [line for line in out.splitlines() if line.startswith("mu ")]
     assert float(row.partition("95 % interval ")[2].split()[0]) > 1.5  # times narrower
     assert "release from 100°" in out
+    assert "--out runs/run-next" in " ".join(out.split())
     assert {"sheet.txt", "next.toml", "plan.json"} <= {p.name for p in (folder / "run" / "design").iterdir()}
     project = (folder / "run" / "design" / "next.toml").read_text(encoding="utf-8")
     assert '[model]\nrig = "srv02-rotpen"\n' in project

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from fracid.cli.app import SAYS, How, assigned, command, numbers, typed
@@ -40,7 +41,8 @@ def design(source: str, how: How) -> None:
         **how.taken(choice.design, of=_names(how.of), orders=orders or None),
     )  # fmt: skip
     project = next((p for p in finished.figures if p.suffix == ".toml"), finished.folder)
-    after = typed("fit", project, trust=how.trust), "when the recordings are there"
+    run = Path("runs") / f"{Path(source).stem}-{project.stem}"  # each plan's project is called next.toml
+    after = typed("fit", project, "--out", run, trust=how.trust), "when the recordings are there"
     how.tell(finished, after, sheet=finished.folder / "sheet.txt")
 
 
