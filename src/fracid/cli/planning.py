@@ -41,8 +41,7 @@ def design(source: str, how: How) -> None:
         **how.taken(choice.design, of=_names(how.of), orders=orders or None),
     )  # fmt: skip
     project = next((p for p in finished.figures if p.suffix == ".toml"), finished.folder)
-    run = Path("runs") / f"{Path(source).stem}-{project.stem}"  # each plan's project is called next.toml
-    after = typed("fit", project, "--out", run, trust=how.trust), "when the recordings are there"
+    after = typed("fit", project, "--out", f"runs/{Path(source).stem}-next", trust=how.trust), "with the new recordings"
     how.tell(finished, after, sheet=finished.folder / "sheet.txt")
 
 

@@ -280,6 +280,4 @@ def _check_release(p: Parametrisation, e: Experiment) -> None:
                               end=e.time[-1]))  # fmt: skip
     rates = [p.model.states[j] for j in p.model.rates.values()]
     if p.initial_state not in ("rest", "held") and any(e.initial.get(n) != 0.0 for n in rates):
-        still = ", ".join(f'"{n}" = 0.0' for n in rates)
-        free = " that is free" * isinstance(e.release_time, Free)
-        raise InputError(SAYS("release-in-motion", e=e, free=free, p=p, still=still))
+        raise InputError(SAYS("release-in-motion", e=e, p=p, still=", ".join(f'"{n}" = 0.0' for n in rates)))

@@ -160,8 +160,7 @@ def reproduce(folder: str | Path, *, trust: bool = False, jobs: int = 1, **optio
     if not state.finished:
         raise InputError(f"The fit in {run.folder} is not finished; type {typed('resume', run.folder)}.")
     there = read_if_whole(run.folder / "environment.json", EnvironmentBlock) | {"code": state.code}
-    here = machine() | {"code": code()}
-    changed = not_as_before(run.folder, state.inputs, inputs_of(run.project), there, here=here)
+    changed = not_as_before(run.folder, state.inputs, inputs_of(run.project), there, here=machine() | {"code": code()})
     with one_blas_thread(), TemporaryDirectory() as place, Memo(Path(place) / MEMO) as memo:  # as on the command line
         fit = identify(run.project, jobs=jobs, memo=memo, **_how(state.options, run), **options)
     return compared(run.result, result_of(fit, run.project, {}), changed)
@@ -234,8 +233,7 @@ def compared(
     [('orders.mu.value', 1.1e-05)]
     """
     pairs = list(_pairs((), {**before}, json.loads(json.dumps({**after})), _claimed(before)))
-    different = [d for d in pairs if d is not None]
-    differences = sorted(different, key=lambda d: (not d.found, d.excused, -d.size, d.where))
+    differences = sorted(filter(None, pairs), key=lambda d: (not d.found, d.excused, -d.size, d.where))
     return Reproduction(after, len(pairs), tuple(differences), dict(changed or {}))
 
 

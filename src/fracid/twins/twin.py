@@ -44,6 +44,7 @@ from fracid.problem import Experiment, Problem
 from fracid.problem.experiment import held_inputs
 from fracid.recording import Recording
 from fracid.recording.channel import si_unit
+from fracid.solver.arguments import check_above_0
 from fracid.solver.inputs import Between, Driven, at_other_samples, between_samples
 from fracid.solver.outputs import output_along
 from fracid.solver.solve import simulate
@@ -52,8 +53,6 @@ from fracid.twins.encoder import SAYS, encoder
 
 MOST = 20_000_000
 """Samples of a recording at most: 160 MB a column."""
-
-MOST_SUBSTEPS = 1000
 
 
 @dataclass(frozen=True, repr=False)
@@ -99,18 +98,14 @@ class Twin(CardDisplay):
         gone = set(self.model.states) - set(model.states)
         object.__setattr__(self, "model", model)
         object.__setattr__(self, "initial", {n: v for n, v in self.initial.items() if n not in gone})
-        settings = {f"step = {self.step:g} s": self.step,
-                    f"end = {self.end:g} s with hold = {self.hold:g} s": self.end - self.hold}  # fmt: skip
-        for setting, value in settings.items():
-            if not (math.isfinite(value) and value > 0):
-                raise InputError(f"{setting} is not possible; expected an end after the release and a step above 0.")
-        if self.end / self.step > MOST:
-            raise InputError(f"{self.end / self.step:.3g} samples are too many; expected at most {MOST:,}.")
-        at_least("substeps", self.substeps, 1, MOST_SUBSTEPS)
+        check_above_0("step", self.step)
+        check_above_0("end - hold", self.end - self.hold)
+        if not 0 < self.end / self.step <= MOST:
+            raise InputError(f"{self.end / self.step:.3g} samples are not possible; expected at most {MOST:,}.")
+        at_least("substeps", self.substeps, 1, 1000)
         ratios = [self.step * (len(t) - 1) / np.ptp(t) for t, _ in (self.inputs or {}).values() if len(t) > 1]
         finer = math.lcm(*(max(1, Fraction(r).limit_denominator(100).numerator) for r in ratios))
-        substeps = finer * math.ceil(self.substeps / finer)
-        object.__setattr__(self, "substeps", substeps if substeps <= MOST_SUBSTEPS else self.substeps)
+        object.__setattr__(self, "substeps", min(1000, finer * math.ceil(self.substeps / finer)))
 
     @classmethod
     def of_model(cls, model: Model, *, name: str = "", **fields: Any) -> Twin:
@@ -280,7 +275,7 @@ class Twin(CardDisplay):
         return self.between.get(name, "hold" if name in self.model.input_rates else "line")
 
     def _read(self, name: str, samples: FloatArray, step: float) -> FloatArray:
-        """An input at samples so far apart, 0 where nothing gives it."""
+        """An input at samples a step apart, 0 where nothing gives it."""
         given = self._inputs.get(name, (np.zeros(1), np.zeros(1)))
         return at_other_samples(*given, self._between(name), samples, step)
 
@@ -329,8 +324,7 @@ class Twin(CardDisplay):
         if counts < 0 or 0 < counts < 3:
             raise InputError(f"counts = {counts} is not possible; expected counts a turn, e.g. 4096, or 0.")
         rng, resolution = np.random.default_rng(seed), 2 * math.pi / counts if counts else 0.0
-        h = self.step / self.substeps
-        u = np.array([self._read(n, run.time, h) for n in self.model.inputs]).reshape(-1, len(run.time)).T
+        u = np.array([self._read(n, run.time, run.step) for n in self.model.inputs]).reshape(-1, len(run.time)).T
         p = self.model.parameter_vector(self.parameters)
         units, signals = dict[str, str](), dict[str, FloatArray]()
         for name, y in self.model.outputs.items():
@@ -340,8 +334,7 @@ class Twin(CardDisplay):
             signals[name] = encoder(clean[:, None], levels[name], resolution if turns else 0.0, rng)[:, 0]
         for name in self.inputs or ():
             if name not in self.model.input_rates:
-                signals[name] = self._read(name, run.time, self.step)
-                units[name] = si_unit(self.model.input_unit(name))
+                signals[name], units[name] = self._read(name, run.time, self.step), si_unit(self.model.input_unit(name))
         for name, x in zip(self.model.states, run.states.T, strict=True) if states else ():
             label = f"state {name}" if name in signals else name
             signals[label], units[label] = x, "1"

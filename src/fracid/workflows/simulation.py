@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fracid._version import __version__
-from fracid.arrays import ROUNDED, by_name
+from fracid.arrays import by_name
 from fracid.errors import DataError, InputError, entry_of, typed, unknown_name
 from fracid.findings import Words
 from fracid.models import MODELS, RIGS, model_from_name, rotary_pendulum
@@ -32,6 +32,7 @@ from fracid.solver.trajectory import Trajectory
 from fracid.tasks.display import unless_given
 from fracid.tasks.progress import Observer
 from fracid.twins.twin import Twin
+from fracid.units import with_unit
 from fracid.workflows.study import run_or_project
 
 SAYS = Words("workflows/simulation.toml")
@@ -152,8 +153,7 @@ def driven(twin: Twin, file: Path, channel: Mapping[str, Any], *, to_its_end: bo
     there = inspect_recording(file)
     here = [n for n in there.signals if without_unit(n) in inputs] or list(there.signals)
     if not channel and len(here) > 1:
-        raise InputError(SAYS("columns", file=file, count=len(here), columns=', '.join(here), name=inputs[0],
-                              typed=shlex.quote(f"{file},column=NAME")))  # fmt: skip
+        raise InputError(SAYS("columns", file=shlex.quote(str(file)), columns=", ".join(here), name=inputs[0]))
     given = channel or {"column": int(here[0]) if here[0].isdigit() else here[0]}
     if str(given.get("column")) not in there.signals.keys() - there.assumed:  # else its header says the unit
         given = {"unit": si_unit(twin.model.input_unit(inputs[0])), **given}
@@ -202,7 +202,11 @@ def simulate_twin(
     if truth is not None:
         _refuse_over("--truth", truth, (".json",), force)
     watching = unless_given(observer)
-    watching.notices(_input_notes(twin))
+    watching.notices(
+        SAYS("input-ends", name=name, end=times[-1], last=with_unit(u[-1], twin.model.input_unit(name)))
+        for name, (times, u) in (twin.inputs or {}).items()
+        if name not in twin.model.input_rates and np.ptp(u) > 0.0 and twin.end > times[-1] + twin.step
+    )
     watching.stage("simulation")
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -221,18 +225,6 @@ def simulate_twin(
     paths = _written(recording, record, file, folder, truth=truth)
     watching.stage("")
     return SimulatedRecording(twin, run, recording, record, files=paths)
-
-
-def _input_notes(twin: Twin) -> Iterator[str]:
-    """What neither the command nor the recording says of an input: how it goes on, and what is between its rows."""
-    for name, (times, u) in (twin.inputs or {}).items():
-        if name in twin.model.input_rates or np.ptp(u) == 0.0:
-            continue
-        gap, last = np.ptp(times) / (len(times) - 1), f"{u[-1]:.4g} {twin.model.input_unit(name)}".removesuffix(" 1")
-        if twin.end > times[-1] + (1 + ROUNDED) * gap:
-            yield SAYS("input-ends", name=name, end=times[-1], last=last)
-        if twin.step > (1 + ROUNDED) * gap:
-            yield SAYS("input-finer", name=name, gap=gap, step=twin.step)
 
 
 def _stem(source: str) -> str:
