@@ -47,6 +47,7 @@ def test_of_a_run_it_prints_the_plan_and_writes_the_sheet_beside_it(capsys, fold
     (row,) = [line for line in out.splitlines() if line.startswith("mu ")]
     assert float(row.partition("95 % interval ")[2].split()[0]) > 1.5  # times narrower
     assert "release from 100°" in out
+    assert "--out runs/run-next" in " ".join(out.split())
     assert {"sheet.txt", "next.toml", "plan.json"} <= {p.name for p in (folder / "run" / "design").iterdir()}
     project = (folder / "run" / "design" / "next.toml").read_text(encoding="utf-8")
     assert '[model]\nrig = "srv02-rotpen"\n' in project
@@ -61,6 +62,19 @@ def test_the_next_project_fits_the_recordings_so_far_and_those_to_come(capsys, f
     assert (folder / "next" / first["file"]).resolve() == (folder / "swing.csv").resolve()
     assert (first["initial"]["alpha"], second["file"]) == (0.35, "recording-1.csv")
     assert project["fit"]["initial_state"] == "rest"  # as the new one, which is no less than what "held" finds
+
+
+@pytest.mark.broad
+def test_a_release_planned_beside_a_recording_that_starts_in_motion_starts_at_rest(capsys, folder):
+    (folder / "moving.toml").write_text(PROJECT.replace('"held"', '"estimate"'), encoding="utf-8")
+    out = folder / "beside"
+    assert run(capsys, "design", folder / "moving.toml", "--experiments", "1", *QUICK, "--out", out)[0] == 0
+    released = fracid.Twin.of_model(fracid.rotary_pendulum(), initial={"alpha": 1.7}, step=5e-3, end=3.0, hold=1.0)
+    fracid.save_recording(released.record(released.simulate()), out / "recording-1.csv")
+    problem = fracid.load_project(out / "next.toml").problem
+    so_far, planned = ([u.name for u in problem.unknowns if u.experiment == e.name] for e in problem.experiments)
+    assert "D^lambda theta(0) [release 20°]" in so_far
+    assert planned == ["theta(0) [2: 100°]", "alpha(0) [2: 100°]", "release_time [2: 100°]"]
 
 
 def test_a_plan_compares_with_the_intervals_that_the_run_states(folder):

@@ -235,6 +235,18 @@ def test_a_held_input_has_its_mean_in_each_longer_step_and_its_value_in_each_sho
         assert np.allclose(other.record(other.simulate()).signals["voltage"], means)
 
 
+@pytest.mark.parametrize(("step", "substeps"), [(0.04, 1), (0.04, 32), (0.015, 1)])
+@pytest.mark.parametrize("between", ["line", "hold"])
+def test_a_run_follows_an_input_that_has_more_samples_than_its_recording(between, step, substeps):
+    time = 0.01 * np.arange(121)
+    u = 3 * np.sign(np.random.default_rng(1).standard_normal(121))
+    fine = Twin.of_model(fracid.rotary_pendulum(), initial={}, step=0.005, end=1.2, substeps=4,
+                         between={"voltage": between}, inputs={"voltage": (time, u)})  # fmt: skip
+    coarse = fine.changed(step=step, substeps=substeps)
+    exact = fine.simulate().states[:: round(step / 0.005)]
+    assert abs(coarse.simulate().states - exact).max() < 1e-2 * np.ptp(exact)
+
+
 def test_an_input_from_a_file_does_between_its_samples_what_the_project_says(two_recordings, tmp_path):
     (tmp_path / "push.csv").write_text("time,voltage [V]\n" + "".join(f"{0.5 * k},{k % 2}\n" for k in range(20)))
     twin = twin_of(str(two_recordings / "rig.toml"), recording=None, zero=None, friction=False, released=False,
@@ -250,7 +262,7 @@ def test_a_file_drives_a_rig_to_its_end(capsys, tmp_path):
     file = tmp_path / "driven.npz"
     code, _, err = run(capsys, "simulate", "srv02-rotpen", "--input", tmp_path / "push.csv", "--to", file)
     assert code == 2
-    assert "has 2 columns besides its time: u, other. Say which drives it: --input" in err
+    assert "has several columns besides its time: u, other. Say which of them is voltage: --input" in err
     code, out, _ = run(
         capsys, "simulate", "srv02-rotpen", "--input", f"{tmp_path / 'push.csv'},column=u", "--to", file, "--json"
     )
@@ -263,10 +275,26 @@ def test_a_file_drives_a_rig_to_its_end(capsys, tmp_path):
     assert np.load(file)["voltage"][-1] == 5
 
 
+def test_what_an_input_does_beyond_its_samples_is_said(capsys, tmp_path):
+    (tmp_path / "push.csv").write_text("time [s],u [V]\n" + "".join(f"{0.01 * k},{k % 3}\n" for k in range(51)))
+    words = "simulate", "srv02-rotpen", "--input", tmp_path / "push.csv", "--to", tmp_path / "twin.csv", "--force"
+    code, _, err = run(capsys, *words, "--end", "0.5", "--step", "10ms")
+    assert (code, err) == (0, "")
+    _, _, err = run(capsys, *words, "--end", "0.6")
+    said = " ".join(err.split())
+    assert "The samples of voltage end 0.5 s after the start; from there on it keeps its last value, 2 V." in said
+
+
 def test_a_voltage_from_a_file_is_held_whatever_its_input_is_called(tmp_path):
     (tmp_path / "pump.csv").write_text("time,pump\n" + "".join(f"{0.5 * k},{k % 2}\n" for k in range(20)))
     tanks = twin_of("tanks", recording=None, zero=None, friction=False, released=False, trust=False)
     assert driven(tanks, tmp_path / "pump.csv", {}, to_its_end=True).between == {"pump": "hold"}
+
+
+def test_of_several_columns_the_one_that_is_called_as_the_input_drives_it(tmp_path):
+    (tmp_path / "cell.csv").write_text("time_s,current_A,voltage_V\n" + "".join(f"{k},{k % 2},3\n" for k in range(20)))
+    cell = twin_of("capacitor", recording=None, zero=None, friction=False, released=False, trust=False)
+    assert driven(cell, tmp_path / "cell.csv", {}, to_its_end=True).inputs["current"][1].max() == 1.0
 
 
 @pytest.mark.parametrize("channel", [{}, {"column": "pump [mV]"}])
@@ -319,8 +347,8 @@ def test_a_model_in_a_file_of_ones_own_is_simulated_when_it_is_named(capsys, tmp
         (["srv02-rotpen", "--noise", "beta=1deg"], "unknown output of rotary-pendulum 'beta'"),
         (["srv02-rotpen", "--counts", "2"], "expected counts a turn, e.g. 4096"),
         (["srv02-rotpen", "--method", "rk4"], "There is no method 'rk4'; type one of"),
-        (["srv02-rotpen", "--step", "0"], "expected an end after the release and a step above 0"),
-        (["srv02-rotpen", "--step", "1e-12"], "samples are too many"),
+        (["srv02-rotpen", "--step", "0"], "step = 0.0: expected a number above 0"),
+        (["srv02-rotpen", "--step", "1e-12"], "samples are not possible; expected at most"),
         (["srv02-rotpen", "--to", "twin.xls"], "expected a file that ends in .csv, .mat, .npz"),
         (["srv02-rotpen", "--recording", "swing"], "--recording is for a project or a run"),
         (["rig.toml", "--recording", "drivn"], "did you mean driven"),

@@ -281,7 +281,7 @@ def test_there_is_a_sentence_where_there_is_no_interval():
     failure = uncertainty(problem(clean(), cost_function=own), TRUE)
     assert (failure.reason, str(failure)) == (
         FailureReason.OWN_COST,
-        "the cost own is a user's own, of unknown loss",
+        "own is a user's own cost, of unknown loss",
     )
     fixed = problem(clean(), orders={"lambda": 0.9, "mu": 0.95})
     assert uncertainty(fixed, np.empty(0)) == Failure(FailureReason.NOTHING_FREE, "nothing is free")

@@ -216,6 +216,8 @@ def test_where_an_order_is_free_the_unit_says_what_to_type():
     ) as told:
         tank("u - x")
     told.match('divide it by a time in s, or multiply it by a parameter with unit = "s\\^-q"')
+    with pytest.raises(FormulaError, match=r"This is in kg; expected s\^-1\.$"):
+        tank("(u - x)*m", Parameter("m", "kg", 1.0, ""))
     assert tank("(u - x)/T", Parameter("T", "s", 1.0, "")).states == ("x",)
     assert tank("k*(u - x)", Parameter("k", "s^-q", 1.0, "")).states == ("x",)
 

@@ -591,7 +591,7 @@ def test_a_scale_is_handed_to_the_search():
     assert problem().space.scale is None
     assert np.isnan(p.space.scale[0])
     assert p.space.scale[1] == 1e-4
-    with pytest.raises(InputError, match="scale = 0; expected the value's typical size, a number above 0"):
+    with pytest.raises(InputError, match="scale = 0 is beyond what can be computed with; expected 1e-12"):
         Free(0.0, 0.0, 1.0, scale=0.0)
 
 
@@ -737,7 +737,8 @@ def test_with_shared_fixes_what_is_shared_and_leaves_a_recording_its_own():
          "a prior has no place beside the cost 'own'.*take one of rmse"),
         ({"experiments": (replace(twin(), weight=0.0),)}, "swing: weight = 0; expected a number above 0"),
         ({"experiments": (replace(twin(), release_time=Free(0.0, -0.1, 0.1)),), "initial_state": "estimate"},
-         "swing: a release_time that is free needs a start at rest, but initial_state is 'estimate'"),
+         "swing: a release_time needs a start at rest, but initial_state is 'estimate'.* "
+         'or initial = { "D.lambda theta" = 0.0, "D.mu alpha" = 0.0 } for this recording alone'),
         ({"experiments": (replace(twin(), release_time=Free(0.0, -0.1, 1.1)),), "initial_state": "rest"},
          r"swing: release_time = -0\.1 … 1\.1 s; expected within half of the recording's 2 s"),
         ({"experiments": (replace(twin(), release_time=-3.0),), "initial_state": "rest"}, "release_time = -3 s; exp"),
@@ -756,6 +757,13 @@ def test_with_shared_fixes_what_is_shared_and_leaves_a_recording_its_own():
 def test_what_cannot_be_is_told(options, message):
     with pytest.raises(InputError, match=message):
         Problem(**{"model": RIG, "experiments": (twin(),), "orders": FREE} | options)
+
+
+def test_a_recording_whose_rates_are_0_at_the_start_may_be_released_beside_those_in_motion():
+    still = {RIG.states[j]: 0.0 for j in RIG.rates.values()}
+    released = replace(twin(), initial=still, release_time=Free(0.0, -0.1, 0.1))
+    problem = Problem(RIG, (released,), FREE, initial_state="estimate")
+    assert problem.names[-3:] == ("theta(0) [swing]", "alpha(0) [swing]", "release_time [swing]")
 
 
 @pytest.mark.parametrize("prior", [(math.nan, 1.0), (1.0, 0.0), (1.0, -1.0), (1.0, math.inf)])

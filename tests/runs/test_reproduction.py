@@ -12,9 +12,10 @@ import pytest
 import fracid
 from fracid.cli import main
 from fracid.errors import InputError
+from fracid.problem import problem as of_problem
 from fracid.runs import environment
 from fracid.runs.reproduction import ELSEWHERE, compared
-from program import RELEASE, run
+from program import RELEASE, fit_in, run
 
 pytestmark = pytest.mark.usefixtures("without_rivals")
 
@@ -68,6 +69,14 @@ def test_done_again_it_is_the_same_to_the_bit_for_any_number_of_threads(plain, j
     assert (found.identical, found.reproduced, found.changed) == (True, True, {})
     assert found.values > 100
     assert found.verdict == f"Identical: all {found.values} values are the same to the last bit."
+
+
+@pytest.mark.few(1)
+def test_a_fit_whose_runs_go_together_or_alone_as_they_come_is_the_same_to_the_bit(sent, monkeypatch):
+    monkeypatch.setattr(of_problem, "WORTH", 100)
+    shutil.rmtree(sent)
+    fit_in(Path(), RELEASE)
+    assert fracid.reproduce(sent).differences == ()
 
 
 @pytest.mark.broad

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from fracid.cli.app import SAYS, How, assigned, command, numbers, typed
@@ -40,7 +41,7 @@ def design(source: str, how: How) -> None:
         **how.taken(choice.design, of=_names(how.of), orders=orders or None),
     )  # fmt: skip
     project = next((p for p in finished.figures if p.suffix == ".toml"), finished.folder)
-    after = typed("fit", project, trust=how.trust), "when the recordings are there"
+    after = typed("fit", project, "--out", f"runs/{Path(source).stem}-next", trust=how.trust), "with the new recordings"
     how.tell(finished, after, sheet=finished.folder / "sheet.txt")
 
 

@@ -260,8 +260,7 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1, near: Tangent
     if not problem.names:
         return Failure(FailureReason.NOTHING_FREE, "nothing is free")
     if problem.cost_function.loss is None:
-        own = problem.cost_function.name
-        return Failure(FailureReason.OWN_COST, f"the cost {own} is a user's own, of unknown loss")
+        return Failure(FailureReason.OWN_COST, f"{problem.cost_function.name} is a user's own cost, of unknown loss")
     if problem.blocks is not None:
         found = sandwich(problem, x, np.arange(len(x)), jobs=jobs)
         if isinstance(found, Failure):

@@ -31,7 +31,7 @@ from fracid.errors import Failure, InputError
 from fracid.estimation.derivatives import jacobian
 from fracid.estimation.records import in_words
 from fracid.experiments.space import Candidate
-from fracid.experiments.subject import VAGUE, Subject, driven
+from fracid.experiments.subject import SAYS, VAGUE, Subject, driven
 from fracid.figures import Figure, Style, draw
 from fracid.fit import Fit
 from fracid.models.rigs import CLAMPED
@@ -318,11 +318,9 @@ def _sheet(plan: Plan) -> str:
         play = "" if c.voltage is None else f"play {driven(plan.subject.problem)}-{first}.csv; "
         lines += [f"  {k}. {c}", f"     {play}save it as recording-{k}.csv; compare with expected-{first}.csv"]
     if len({c.arm for c in plan.experiments}) > 1:
-        lines += ["", "Recordings with the arm clamped are a project of their own. Fit next-clamped.toml first, and",
-                  "give next.toml what it finds as prior = { mean = ..., sd = ... }."]  # fmt: skip
+        lines += ["", SAYS("clamped-first")]
     lines += ["", "Then: fracid check recording-1.csv, and fracid fit next.toml."]
-    so_far = "Expected are the intervals of a fit of these together with the recordings so far"
-    lines += [f"{so_far}{'.' if plan.subject.table else ': add those to next.toml.'}"] * bool(plan.subject.intervals)
+    lines += [SAYS("so-far-in-it" if plan.subject.table else "so-far-beside-it")] * bool(plan.subject.intervals)
     return "\n".join(lines) + "\n"
 
 

@@ -15,6 +15,7 @@ from fracid.cards import CardDisplay
 from fracid.errors import InputError, is_number, refuse_unknown
 from fracid.experiments.excitation import SAYS, Chirp, Excitation, Multisine, Pulses
 from fracid.problem.unknowns import InitialState
+from fracid.solver.arguments import check_above_0
 
 ARMS = ("free", "clamped")
 
@@ -133,8 +134,7 @@ class DesignSpace(CardDisplay):
             if not isinstance(u, Multisine | Chirp | Pulses | None):
                 raise InputError(SAYS("voltage", u=u))
         for name, limit in self.limits.items():
-            if not limit > 0:
-                raise InputError(f"limits: {name} = {limit!r} is not possible; expected a magnitude above 0.")
+            check_above_0(f"limits: {name}", limit)
         least = min((u.peak for u in _several(self.voltage) if u is not None), default=math.inf)
         possible = {
             "voltage-step": 0 <= self.voltage_step <= least and not math.isinf(self.voltage_step),

@@ -482,8 +482,7 @@ class IntegerModel:
     def to_json(self) -> dict[str, Any]:
         """Operators, matrices and linear models as plain JSON values."""
         return {
-            "about": "z' = -decay*z + B f(x, u), x = x0 + C z; linear about x_e (about) and u_e (driven): "
-                     "z' = A z + B (u - u_e), y - y_e = C z",
+            "about": SAYS("about"),
             "operators": {
                 n: {"order": o.order, "poles": o.poles.tolist(), "residues": o.residues.tolist(), "band": list(o.band),
                     "error_decibel": o.errors[0], "error_degrees": o.errors[1]}

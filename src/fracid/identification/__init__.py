@@ -47,6 +47,7 @@ from fracid.tasks.display import unless_given
 from fracid.tasks.job import Progress, one_blas_thread
 from fracid.tasks.journal import Journal
 from fracid.tasks.progress import Observer
+from fracid.tasks.simulation_cache import Memo
 from fracid.tasks.tasks import executor_from_name
 from fracid.validation.before_search import before
 from fracid.validation.discretisation import Discretisation, Refined, discretisation_check, finer_step
@@ -66,6 +67,7 @@ def identify(
     cut: bool = False,
     executor: str = "threads",
     journal: Journal | None = None,
+    memo: Memo | None = None,
     seen: tuple[Finding, ...] | None = None,
     options: Mapping[str, Any] | None = None,
     alternatives: Mapping[str, Problem] | None = None,
@@ -98,6 +100,9 @@ def identify(
         treatments of its past (:func:`fracid.cut_check`).
     executor, journal
         Where many starts run, and what keeps each as it ends; see :func:`fracid.tasks.tasks.run_tasks`.
+    memo : Memo, optional
+        Keeps what the search and what follows it simulate.  A fit in a folder has one, and a run that goes alone is off
+        one beside others by a last bit (:mod:`fracid.solver.lanes`): of a point that recurs, its first run is taken.
     seen : tuple of Finding, optional
         What :func:`fracid.validation.before_search.before` found; asked for if left out.
     options : mapping
@@ -162,6 +167,7 @@ def identify(
         if seen is None:
             seen = before(problem, reports, validation=validation, fixed_step=fixed_step, jobs=jobs)
         begin("search", "search")
+        given, problem = problem, problem if memo is None else replace(problem, memo=memo)
         window = None if entry.keeps_its_own else chosen_window(problem)
         work = beginning(problem, window, fixed_step) if window else problem
         work = work if window or entry.keeps_its_own else coarse_problem(problem)
@@ -190,7 +196,8 @@ def identify(
         timing = dict.fromkeys((key for key, _ in stages[:-1]), 0.0)
         for (key, begun), (_, end) in pairwise(stages):
             timing[key] += end - begun
-        return as_fit(found, watch.count, timing)
+        fit = as_fit(found, watch.count, timing)
+        return fit if memo is None else replace(fit, problem=replace(fit.problem, memo=given.memo))
 
 
 @contextmanager

@@ -278,5 +278,6 @@ def _check_release(p: Parametrisation, e: Experiment) -> None:
     if not -e.time[-1] / 2 <= ends[0] <= ends[1] <= e.time[-1] / 2:
         raise InputError(SAYS("late-release", e=e, ends=' … '.join(f'{v:g}' for v in dict.fromkeys(ends)),
                               end=e.time[-1]))  # fmt: skip
-    if p.initial_state not in ("rest", "held"):
-        raise InputError(SAYS("release-in-motion", e=e, free=" that is free" * isinstance(e.release_time, Free), p=p))
+    rates = [p.model.states[j] for j in p.model.rates.values()]
+    if p.initial_state not in ("rest", "held") and any(e.initial.get(n) != 0.0 for n in rates):
+        raise InputError(SAYS("release-in-motion", e=e, p=p, still=", ".join(f'"{n}" = 0.0' for n in rates)))

@@ -4,8 +4,8 @@ A trajectory is stepped on the recording's own grid, or `substeps` times finer. 
 but its reason.
 
 A release time τ lies between samples as well: the run starts at τ, on its own grid, and is read at the samples
-by :meth:`Trajectory.at`, which follows τ smoothly; inputs keep the recording's clock.  It needs ``rest`` or
-``held``, for a motion that is under way can begin anywhere.
+by :meth:`Trajectory.at`, which follows τ smoothly; inputs keep the recording's clock.  It needs a start
+at rest, for a motion that is under way can begin anywhere.
 
 A channel that is late, scaled, offset or filtered (:mod:`fracid.problem.sensors`) is so here: outputs after the run,
 which goes on a little longer where one may be early, inputs before it.

@@ -80,8 +80,6 @@ class Free:
         if self.upper - self.lower < max(NARROWEST * largest, SMALLEST):
             raise InputError(SAYS("narrow", lower=self.lower, upper=self.upper, start=self.start))
         if self.scale is not None:
-            if not 0 < self.scale < math.inf:
-                raise InputError(f"scale = {self.scale:g}; expected the value's typical size, a number above 0.")
             refuse_beyond("scale", self.scale, FINEST * largest)
             if self.upper - self.lower < NARROWEST * self.scale:
                 raise InputError(SAYS("scale", scale=self.scale, lower=self.lower, upper=self.upper))

@@ -22,16 +22,18 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from fracid.cards import CardDisplay
 from fracid.errors import InputError, typed
 from fracid.runs.environment import code, machine
-from fracid.runs.folder import CODE, SAYS, VERSION, inputs_of, result_of, run_state
+from fracid.runs.folder import CODE, MEMO, SAYS, VERSION, inputs_of, result_of, run_state
 from fracid.runs.saved import SavedRun, load_run
 from fracid.safety.schema import Beside, Infinite, Listed, Record, computed, read_if_whole
 from fracid.schemas.run_record import EnvironmentBlock, FitOptions
 from fracid.tasks.job import one_blas_thread
+from fracid.tasks.simulation_cache import Memo
 from fracid.units import half_of
 
 ELSEWHERE = 1e-9
@@ -158,10 +160,9 @@ def reproduce(folder: str | Path, *, trust: bool = False, jobs: int = 1, **optio
     if not state.finished:
         raise InputError(f"The fit in {run.folder} is not finished; type {typed('resume', run.folder)}.")
     there = read_if_whole(run.folder / "environment.json", EnvironmentBlock) | {"code": state.code}
-    here = machine() | {"code": code()}
-    changed = not_as_before(run.folder, state.inputs, inputs_of(run.project), there, here=here)
-    with one_blas_thread():  # as on the command line: several threads add up in another order
-        fit = identify(run.project, jobs=jobs, **_how(state.options, run), **options)
+    changed = not_as_before(run.folder, state.inputs, inputs_of(run.project), there, here=machine() | {"code": code()})
+    with one_blas_thread(), TemporaryDirectory() as place, Memo(Path(place) / MEMO) as memo:  # as on the command line
+        fit = identify(run.project, jobs=jobs, memo=memo, **_how(state.options, run), **options)
     return compared(run.result, result_of(fit, run.project, {}), changed)
 
 
@@ -232,8 +233,7 @@ def compared(
     [('orders.mu.value', 1.1e-05)]
     """
     pairs = list(_pairs((), {**before}, json.loads(json.dumps({**after})), _claimed(before)))
-    different = [d for d in pairs if d is not None]
-    differences = sorted(different, key=lambda d: (not d.found, d.excused, -d.size, d.where))
+    differences = sorted(filter(None, pairs), key=lambda d: (not d.found, d.excused, -d.size, d.where))
     return Reproduction(after, len(pairs), tuple(differences), dict(changed or {}))
 
 

@@ -30,11 +30,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
-from fracid.arrays import FloatArray, by_name
+from fracid.arrays import ROUNDED, FloatArray, by_name
 from fracid.cards import CardDisplay
 from fracid.errors import InputError, at_least, refuse_unknown
 from fracid.models import Model
@@ -43,6 +44,7 @@ from fracid.problem import Experiment, Problem
 from fracid.problem.experiment import held_inputs
 from fracid.recording import Recording
 from fracid.recording.channel import si_unit
+from fracid.solver.arguments import check_above_0
 from fracid.solver.inputs import Between, Driven, at_other_samples, between_samples
 from fracid.solver.outputs import output_along
 from fracid.solver.solve import simulate
@@ -79,7 +81,7 @@ class Twin(CardDisplay):
     memory: Any = "compressed"
     """As :func:`fracid.simulate` takes it."""
     substeps: int = 1
-    """Steps of the solver to a sample."""
+    """Steps of the solver to a sample; so many more that the samples of inputs lie on them, where those are even."""
     inputs: Mapping[str, tuple[FloatArray, FloatArray]] | None = None
     """Input → its times, from the first sample [s], and its values; held beyond both ends."""
     between: Mapping[str, Between] = field(default_factory=dict)
@@ -96,14 +98,14 @@ class Twin(CardDisplay):
         gone = set(self.model.states) - set(model.states)
         object.__setattr__(self, "model", model)
         object.__setattr__(self, "initial", {n: v for n, v in self.initial.items() if n not in gone})
-        settings = {f"step = {self.step:g} s": self.step,
-                    f"end = {self.end:g} s with hold = {self.hold:g} s": self.end - self.hold}  # fmt: skip
-        for setting, value in settings.items():
-            if not (math.isfinite(value) and value > 0):
-                raise InputError(f"{setting} is not possible; expected an end after the release and a step above 0.")
-        if self.end / self.step > MOST:
-            raise InputError(f"{self.end / self.step:.3g} samples are too many; expected at most {MOST:,}.")
+        check_above_0("step", self.step)
+        check_above_0("end - hold", self.end - self.hold)
+        if not 0 < self.end / self.step <= MOST:
+            raise InputError(f"{self.end / self.step:.3g} samples are not possible; expected at most {MOST:,}.")
         at_least("substeps", self.substeps, 1, 1000)
+        ratios = [self.step * (len(t) - 1) / np.ptp(t) for t, _ in (self.inputs or {}).values() if len(t) > 1]
+        finer = math.lcm(*(max(1, Fraction(r).limit_denominator(100).numerator) for r in ratios))
+        object.__setattr__(self, "substeps", min(1000, finer * math.ceil(self.substeps / finer)))
 
     @classmethod
     def of_model(cls, model: Model, *, name: str = "", **fields: Any) -> Twin:
@@ -272,20 +274,22 @@ class Twin(CardDisplay):
     def _between(self, name: str) -> Between:
         return self.between.get(name, "hold" if name in self.model.input_rates else "line")
 
-    def _read(self, name: str, samples: FloatArray) -> FloatArray:
-        """An input at the samples of the twin, 0 where nothing gives it."""
+    def _read(self, name: str, samples: FloatArray, step: float) -> FloatArray:
+        """An input at samples a step apart, 0 where nothing gives it."""
         given = self._inputs.get(name, (np.zeros(1), np.zeros(1)))
-        return at_other_samples(*given, self._between(name), samples, self.step)
+        return at_other_samples(*given, self._between(name), samples, step)
 
     def _driven(self, steps: int, h: float) -> Driven | None:
         """u on the grid of the run, with a past from its beginning on."""
         if not self._inputs:
             return None
         past = 0 if self.history is None else len(self.history)
-        begin = (self.hold - h * past) / self.step
+        times = np.concatenate([t for t, _ in self._inputs.values()]) / self.step
+        spacing = self.step if np.all(abs(times - np.rint(times)) < ROUNDED) else h
+        begin = (self.hold - h * past) / spacing
         first = math.floor(begin + 1e-9)
-        samples = self.step * np.arange(first, round(self.end / self.step) + 1, dtype=np.float64)
-        driven = [between_samples(self._read(name, samples), self._between(name), begin - first, h / self.step,
+        samples = spacing * np.arange(first, round(self.end / spacing) + 1, dtype=np.float64)
+        driven = [between_samples(self._read(name, samples, spacing), self._between(name), begin - first, h / spacing,
                                   count=past + steps + 1) for name in self.model.inputs]  # fmt: skip
         return Driven(*(np.column_stack(side) for side in zip(*driven, strict=True)))
 
@@ -320,7 +324,7 @@ class Twin(CardDisplay):
         if counts < 0 or 0 < counts < 3:
             raise InputError(f"counts = {counts} is not possible; expected counts a turn, e.g. 4096, or 0.")
         rng, resolution = np.random.default_rng(seed), 2 * math.pi / counts if counts else 0.0
-        u = np.array([self._read(n, run.time) for n in self.model.inputs]).reshape(-1, len(run.time)).T
+        u = np.array([self._read(n, run.time, run.step) for n in self.model.inputs]).reshape(-1, len(run.time)).T
         p = self.model.parameter_vector(self.parameters)
         units, signals = dict[str, str](), dict[str, FloatArray]()
         for name, y in self.model.outputs.items():
@@ -330,7 +334,7 @@ class Twin(CardDisplay):
             signals[name] = encoder(clean[:, None], levels[name], resolution if turns else 0.0, rng)[:, 0]
         for name in self.inputs or ():
             if name not in self.model.input_rates:
-                signals[name], units[name] = self._read(name, run.time), si_unit(self.model.input_unit(name))
+                signals[name], units[name] = self._read(name, run.time, self.step), si_unit(self.model.input_unit(name))
         shown = {i: units[n] for n, i in self.model.output_states.items()}
         for i, name in enumerate(self.model.states if states else ()):
             label = f"state {name}" if name in signals else name

@@ -325,10 +325,8 @@ def _identified(
         _starts_kept(run, options["executor"], project.problem.names) as journal,
     ):
         observer.notices(_notes(run, log, memo) if run.resumed else ())
-        remembering = replace(project, problem=replace(project.problem, memo=memo))
-        fit = identify(remembering, optimiser=optimiser, jobs=jobs, log=log, journal=journal, seen=findings,
-                       observer=observer, **options)  # fmt: skip
-    return replace(fit, problem=replace(fit.problem, memo=project.problem.memo))
+        return identify(project, optimiser=optimiser, jobs=jobs, log=log, journal=journal, memo=memo, seen=findings,
+                        observer=observer, **options)  # fmt: skip
 
 
 def _short_of_room(project: Project, folder: Path) -> Iterator[str]:

@@ -11,6 +11,8 @@ from math import pi
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fracid._version import __version__
 from fracid.arrays import by_name
 from fracid.errors import DataError, InputError, entry_of, typed, unknown_name
@@ -19,7 +21,7 @@ from fracid.models import MODELS, RIGS, model_from_name, rotary_pendulum
 from fracid.models.library import MODEL as LIBRARY
 from fracid.problem.experiment import held_inputs, refuse_other_dimensions
 from fracid.recording import Recording, inspect_recording, load_recording
-from fracid.recording.channel import si_unit
+from fracid.recording.channel import si_unit, without_unit
 from fracid.recording.writing import WRITERS, save_recording
 from fracid.runs.saved import SavedRun
 from fracid.safety.door import write_files
@@ -30,6 +32,7 @@ from fracid.solver.trajectory import Trajectory
 from fracid.tasks.display import unless_given
 from fracid.tasks.progress import Observer
 from fracid.twins.twin import Twin
+from fracid.units import with_unit
 from fracid.workflows.study import run_or_project
 
 SAYS = Words("workflows/simulation.toml")
@@ -148,10 +151,9 @@ def driven(twin: Twin, file: Path, channel: Mapping[str, Any], *, to_its_end: bo
     if not (inputs := twin.model.inputs):
         raise InputError(f"{twin.model.name} has no input; leave out --input.")
     there = inspect_recording(file)
-    here = [n for n in there.signals if n in inputs] or list(there.signals)
+    here = [n for n in there.signals if without_unit(n) in inputs] or list(there.signals)
     if not channel and len(here) > 1:
-        raise InputError(SAYS("columns", file=file, count=len(here), columns=', '.join(here),
-                              typed=shlex.quote(f'{file},column={here[-1]}')))  # fmt: skip
+        raise InputError(SAYS("columns", file=shlex.quote(str(file)), columns=", ".join(here), name=inputs[0]))
     given = channel or {"column": int(here[0]) if here[0].isdigit() else here[0]}
     if str(given.get("column")) not in there.signals.keys() - there.assumed:  # else its header says the unit
         given = {"unit": si_unit(twin.model.input_unit(inputs[0])), **given}
@@ -200,6 +202,11 @@ def simulate_twin(
     if truth is not None:
         _refuse_over("--truth", truth, (".json",), force)
     watching = unless_given(observer)
+    watching.notices(
+        SAYS("input-ends", name=name, end=times[-1], last=with_unit(u[-1], twin.model.input_unit(name)))
+        for name, (times, u) in (twin.inputs or {}).items()
+        if name not in twin.model.input_rates and np.ptp(u) > 0.0 and twin.end > times[-1] + twin.step
+    )
     watching.stage("simulation")
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

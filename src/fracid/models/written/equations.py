@@ -347,7 +347,8 @@ class _Units:
             order, per_second = self.orders[entry], _times(state, SECOND, -1)  # which the paper has at any order
             expected = per_second if isinstance(order, str) else _times(state, SECOND, -order)
         if unit and expected and unit not in (expected, per_second):
-            free = f" {SAYS('free-order', order=order)}" if isinstance(order, str) else ""
+            by_time = all(a == b for a, b, second in zip(unit, expected, SECOND, strict=True) if not second)
+            free = f" {SAYS('free-order', order=order)}" * (by_time and isinstance(order, str))
             inside = "in " * (unit != NONE)
             raise FormulaError(text, 0, f"This is {inside}{_shown(unit)}; expected {_shown(expected)}.{free}", where)
 
