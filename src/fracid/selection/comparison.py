@@ -41,7 +41,7 @@ import numpy as np
 from fracid.arrays import ByName, FloatArray
 from fracid.bayes.evidence import laplace_evidence, log_fit, require_evidence
 from fracid.errors import Failure, InputError
-from fracid.estimation.climbing import by_windows, embedded, late_rungs, starting_at, without
+from fracid.estimation.climbing import by_windows, embedded, entries, found_again, late_rungs, starting_at, without
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, from_start, lowest_from
 from fracid.estimation.input_noise import with_input_noise
@@ -401,7 +401,7 @@ def _fitted(structure: Structure, below: Below, seed: int, starts: int, watch: W
     if structure.given and GIVEN in below:  # its own search is that
         pass
     elif late_rungs(problem) and problem.cost_function.loss is not None and set(below) - {GIVEN}:
-        begun += _climbed(structure, watch)
+        begun += _climbed(structure, min(begun, key=lambda end: _cost(end[0])), watch)
     else:
         result, _ = search(problem, _optimiser(problem), np.random.default_rng(seed), starts=starts, watch=watch)
         lowest = min((end.cost for end, _ in begun), default=math.inf)
@@ -436,16 +436,23 @@ def _refitted(
     return min((near, how), _fitted(structure, below, seed, starts, watch=watch), key=lambda end: _cost(end[0]))
 
 
-def _climbed(structure: Structure, watch: Watch) -> Iterator[tuple[Evaluation, str]]:
-    """What a structure with rich friction comes to by windows, as a fit does; or from what it has beside that."""
-    problem, late = structure.problem, late_rungs(structure.problem)
-    if structure.friction.rpartition(" + ")[2] not in late:
+def _climbed(structure: Structure, below: tuple[Evaluation, str], watch: Watch) -> Iterator[tuple[Evaluation, str]]:
+    """What a structure with rich friction comes to by windows, as a fit does; or from what it has beside that.
+
+    And from the lowest that a structure `below` leads to, with what comes in at each of its entries.
+    """
+    problem, late, last = structure.problem, late_rungs(structure.problem), structure.friction.rpartition(" + ")[2]
+    if last not in late:
         # A drag or a cable came in last: it may matter more than all that came before.
         simple = without(problem, [n for rung in late.values() for n in rung])
         x = structure.embed(assignment(simple, from_start(simple, watch).point))
         yield _lower(problem, x, "from the simpler structure", watch, budget=WARM)
     elif not structure.fractional:
         yield by_windows(problem, watch, budget=WARM).best, "by windows"
+        for entry in entries(problem, late[last]):
+            x = embedded(problem, problem.named(below[0].point) | entry)
+            x = found_again(problem, x, problem, watch)
+            yield _lower(problem, x, f"{below[1]}, with {last}", watch, budget=WARM)
 
 
 def _descended(problem: Problem, x: FloatArray, watch: Watch, **options: Any) -> Evaluation:
