@@ -257,13 +257,13 @@ def test_what_nearly_every_rig_has_is_free_though_the_equations_do_not_ask_for_i
     assert "spring_angle" not in free
 
 
-def test_leak_and_growing_capacity_are_free_in_a_draft_for_equations_at_some_samples_say_too_little_of_them(tmp_path):
+def test_leak_offset_and_growing_capacity_are_free_in_a_draft_for_equations_at_some_samples_say_too_little(tmp_path):
     t = np.arange(0, 20, 0.1)
     current = 1.0 * (t > 1) * (t < 6)
     voltage = 0.5 + 0.1 * np.cumsum(current) / 15.0 + 0.05 * current
     voltage += 2e-3 * np.random.default_rng(1).standard_normal(t.size)
     _, problem = drafted(tmp_path, "capacitor", "time [s],current [A],voltage [V]", t, current, voltage)
-    assert {"C0", "R", "C1", "leak", "q"} <= {*problem.names}
+    assert {"C0", "R", "C1", "leak", "q", "current_rest [log]"} <= {*problem.names}
 
 
 def drafted(folder, model, header, *columns):

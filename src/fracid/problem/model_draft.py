@@ -374,9 +374,9 @@ class _ModelPage:
 
     @cached_property
     def rests(self) -> list[str]:
-        """Offsets of encoders that a file's zero leaves open, and angles of rest that the recordings ask for."""
-        named = {self.model.rest_of(n) for n, c in self.columns.items()
-                 if n in self.outputs and "bias" not in c and c.get("zero") != "rest"}  # fmt: skip
+        """Offsets of sensors that a file's zero leaves open, and angles of rest that the recordings ask for."""
+        left = {n: c for n, c in self.columns.items() if "bias" not in c and c.get("zero") != "rest"}
+        named = {self.model.rest_of(n) for n in left}
         return [p.name for p in self.model.parameters if p.name in named
                 and (p.name in self.first.values or (p.unit == "rad" and not self.sought(p.name)))]  # fmt: skip
 
