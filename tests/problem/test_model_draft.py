@@ -257,6 +257,16 @@ def test_what_nearly_every_rig_has_is_free_though_the_equations_do_not_ask_for_i
     assert "spring_angle" not in free
 
 
+def test_gravity_that_a_spring_may_stand_for_has_room_above_what_explains_all_motion(tmp_path):
+    """Driven about its own frequency, at which inertia and gravity cancel."""
+    t, noise = np.arange(0, 10, 0.01), 2e-3 * np.random.default_rng(1).standard_normal(1000)
+    angle, rate, acceleration = (w * 0.2 * (5.5**k * np.sin(5.5 * t + d) + 6.5**k * np.sin(6.5 * t + d))
+                                 for k, d, w in ((0, 0.0, 1), (1, np.pi / 2, 1), (2, 0.0, -1)))  # fmt: skip
+    torque = 8e-3 * acceleration + 0.02 * rate + 0.288 * np.sin(angle)
+    _, problem = drafted(tmp_path, "joint", "t [s],torque [N m],angle [rad]", t, torque, angle + noise)
+    assert problem.parameters["gravity"].upper > 3 * 0.288
+
+
 def test_leak_offset_and_growing_capacity_are_free_in_a_draft_for_equations_at_some_samples_say_too_little(tmp_path):
     t = np.arange(0, 20, 0.1)
     current = 1.0 * (t > 1) * (t < 6)

@@ -398,7 +398,7 @@ class _ModelPage:
         if self._slides(p.name):
             start = max(start, self.model.friction[p.name].begins * reach)
         off = p.value == 0.0 or p.name in self.model.friction
-        wide = max(SPAN * abs(start), reach if off or start == 0.0 else 0.0)
+        wide = SPAN * max(abs(start), reach if off or start == 0.0 else 0.0)
         lower = (0.0 if off or p.lower == 0.0 else start / SPAN) if p.lower >= 0.0 else -wide
         return start, max(lower, p.lower), min(wide, p.upper)
 
