@@ -267,6 +267,15 @@ def test_gravity_that_a_spring_may_stand_for_has_room_above_what_explains_all_mo
     assert problem.parameters["gravity"].upper > 3 * 0.288
 
 
+@pytest.mark.parametrize("driven", [False, True])
+def test_the_drag_of_the_air_is_free_in_the_draft_of_a_joint_that_nothing_drives(tmp_path, driven):
+    t = np.arange(0, 8, 0.01)
+    swing = np.exp(-0.1 * t) * np.cos(6 * t) + 1e-3 * np.random.default_rng(1).standard_normal(len(t))
+    header, *torque = ("t [s],angle [rad],torque [N m]", np.sin(t)) if driven else ("t [s],angle [rad]",)
+    _, problem = drafted(tmp_path, "joint", header, t, swing, *torque)
+    assert ("drag_angle" in problem.names) == (not driven)
+
+
 def test_leak_offset_and_growing_capacity_are_free_in_a_draft_for_equations_at_some_samples_say_too_little(tmp_path):
     t = np.arange(0, 20, 0.1)
     current = 1.0 * (t > 1) * (t < 6)

@@ -328,7 +328,7 @@ class _ModelPage:
             signals[n] = (signals[n] - c["bias"]["start"]) / c["gain"]["start"]
         starts = {s: float(signals[o][0]) for s, o in self.near.items() if o}
         sought = [n for n in rows if self.sought(n) and not (rows[n]["start"] == 0.0 and self.grows(n))]
-        free = [n for n in sought if rows[n]["start"] != 0.0 or rows[n].get("free") or self._slides(n)]
+        free = [n for n in sought if rows[n]["start"] != 0.0 or self._is_always_sought(n) or self._slides(n)]
         optional = [n for n in sought if rows[n]["start"] == 0.0 and not self._slides(n)]
 
         def beginning_at(rests: Mapping[str, float]) -> FirstValues:
@@ -350,8 +350,8 @@ class _ModelPage:
             rest, middle = self.model.rest_of(n), float(np.nanmedian(r.signals[n][len(r.time) // 3 :]))
             if self.model.output_unit(n) == "rad":
                 middle -= (turn := math.pi if self.model.zero else 2 * math.pi) * round(middle / turn)
-            free = self.table["model"]["parameters"][rest].get("free")
-            if free or (not self.sought(rest) and abs(middle) > SLIGHT and not moving_inputs(r, self.model)):
+            always = self._is_always_sought(rest)
+            if always or (not self.sought(rest) and abs(middle) > SLIGHT and not moving_inputs(r, self.model)):
                 found[rest] = middle
         return found
 
@@ -359,6 +359,11 @@ class _ModelPage:
         """Whether a parameter is to be found from the recording."""
         row = self.table["model"]["parameters"][name]
         return not row.get("known") and not self.is_gauge(name) and not row.get("needs")
+
+    def _is_always_sought(self, name: str) -> bool:
+        """Whether it is, though the equations hardly show it."""
+        where = "driven" if any(moving_inputs(r, self.model) for r in self.recordings) else "undriven"
+        return self.table["model"]["parameters"][name].get("free") in ("always", where)
 
     def is_gauge(self, name: str) -> bool:
         """Whether a parameter must be known, for the recording tells all others as multiples of it."""
