@@ -406,6 +406,28 @@ def test_an_input_that_jumps_is_held_between_samples_and_the_draft_says_so(tmp_p
     assert problem.experiments[0].between == {"torque": between}
 
 
+@pytest.mark.parametrize("sensor", [{"gain": 0.5}, {"gain": {"start": 0.5, "lower": 0.1, "upper": 1.0}}, {"bias": 0.3}])
+def test_constants_begin_where_the_gain_and_the_zero_of_a_sensor_put_them(tmp_path, sensor):
+    """One of the two alone ended in a KeyError, and an amplifier was taken the other way round."""
+    t = np.arange(0, 8, 0.01)
+    x, force = 0.1 * np.sin(5 * t), 11.0 * 0.1 * np.sin(5 * t) + 2.0 * 0.5 * np.cos(5 * t)  # 36 N/m, 1 kg, 2 N s/m
+    gain = 0.5 if "gain" in sensor else 1.0
+    np.savez(
+        tmp_path / "mass.npz",
+        time=t,
+        x=gain * x + sensor.get("bias", 0.0),
+        force=(force - sensor.get("bias", 0.0)) / gain,
+    )
+    columns = {"displacement": {"column": "x"}, "force": {"column": "force", "unit": "N"}}
+    draft = draft_of_model(
+        "oscillator", tmp_path / "mass.npz", {n: c | sensor for n, c in columns.items()}, folder=tmp_path
+    )
+    (tmp_path / "mass.toml").write_text(draft.text, encoding="utf-8")
+    assert fracid.load_project(tmp_path / "mass.toml").problem.parameters["b_displacement"].start == pytest.approx(
+        2.0, rel=0.1
+    )
+
+
 def test_the_start_of_what_nothing_measures_is_free(tmp_path):
     t = np.arange(0, 800, 4.0)
     level, pump = 3 - np.cos(t / 60), 2 + np.sin(t / 60)

@@ -118,6 +118,11 @@ def _unit(model: Model, name: str, raw: Recording, column: str) -> Fields:
     return {}, "whose unit the header says"
 
 
+def _start(quantity: float | Mapping[str, float]) -> float:
+    """Where the search for a sensor's quantity begins: a number's own value."""
+    return quantity["start"] if isinstance(quantity, Mapping) else quantity
+
+
 def states_with_unit(spec: Mapping[str, Any]) -> dict[str, str]:
     """The states that others depend on and whose first value nothing else says → their units, of ``[model]``.
 
@@ -211,9 +216,8 @@ class _ModelPage:
     @property
     def unsaid(self) -> list[str]:
         """The inputs of which nobody says anything, where no input has a column."""
-        m = self.model
-        said = {*self.columns, *m.input_rates, *m.input_defaults}
-        return [] if {*m.inputs} & {*self.columns} else [n for n in m.inputs if n not in said]
+        said = {*self.columns, *self.model.input_rates, *self.model.input_defaults}
+        return [] if {*self.model.inputs} & {*self.columns} else [n for n in self.model.inputs if n not in said]
 
     def is_released(self, recording: Recording) -> bool:
         """Whether it is held and let go, and nothing drives it."""
@@ -287,8 +291,7 @@ class _ModelPage:
         if unit in (rates := {f"{own}/s": "_rate", f"{own}/s^2": "_acceleration"}):
             return output + rates[unit], {"column": column}
         if (own, unit) == ("rad", "m/s^2"):
-            radius = {"start": 0.2, "lower": 0.0, "upper": 2.0}
-            return f"{output}_acceleration", {"column": column, "radius": radius}
+            return f"{output}_acceleration", {"column": column, "radius": {"start": 0.2, "lower": 0.0, "upper": 2.0}}
         if own in ("rad", "m") and unit == "V" and "V" not in self.model.input_units.values():
             middle, width = float(np.nanmean(y)), float(np.nanmax(y) - np.nanmin(y))
             gain = {"start": width, "lower": width / SPAN, "upper": SPAN * width}
@@ -312,8 +315,9 @@ class _ModelPage:
 
     def _taken(self, output: str, name: str, fields: dict[str, Any]) -> Columns:
         self.model = with_rates(self.model, [name])
-        whose = f"whose unit the header says: a sensor of {output}"
-        self.notes.append(f"{name} is taken from {fields['column']!r}, {whose}.")
+        self.notes.append(
+            f"{name} is taken from {fields['column']!r}, whose unit the header says: a sensor of {output}."
+        )
         return {name: fields}
 
     def _first_values(self, model: Model) -> FirstValues:
@@ -322,10 +326,11 @@ class _ModelPage:
         r = r.trim("release") if self.is_released(r) else r
         time = np.arange(r.time[0], r.time[-1], r.report.clock.step)
         signals: dict[str, FloatArray] = {n: np.interp(time, r.time, np.nan_to_num(s)) for n, s in r.signals.items()}
+        for n, c in ((n, c) for n, c in self.columns.items() if n in signals):
+            gain, bias = _start(c.get("gain", 1.0)), _start(c.get("bias", 0.0))
+            signals[n] = gain * signals[n] + bias if n in model.inputs else (signals[n] - bias) / gain
         for n, (of, degree) in sorted(self.model.derived.items(), key=lambda one: one[1][1]):
             signals.setdefault(of, integrated(signals.pop(n), r.report.clock.step, degree)[0])
-        for n, c in ((n, c) for n, c in self.columns.items() if "gain" in c):
-            signals[n] = (signals[n] - c["bias"]["start"]) / c["gain"]["start"]
         starts = {s: float(signals[o][0]) for s, o in self.near.items() if o}
         sought = [n for n in rows if self.sought(n) and not (rows[n]["start"] == 0.0 and self.grows(n))]
         free = [n for n in sought if rows[n]["start"] != 0.0 or self._is_always_sought(n) or self._slides(n)]
