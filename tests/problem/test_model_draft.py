@@ -144,6 +144,16 @@ def test_a_draft_begins_near_and_loads(tmp_path):
     assert "slip_speed" not in problem.names
 
 
+@pytest.mark.parametrize("header", ["angle [counts]", "angle"])
+def test_that_an_encoder_has_4096_counts_is_a_doubt_with_what_to_type_for_others(tmp_path, header):
+    t = np.arange(0, 8, 0.01)
+    table = np.column_stack([t, np.round(900 * np.exp(-0.1 * t) * np.cos(6 * t))])
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=f"t [s],{header}", comments="", fmt="%.6g")
+    (note,) = (n for n in draft_of_model("pendulum", tmp_path / "log.csv", folder=tmp_path).notes if "4096" in n)
+    assert note.startswith("May be wrong: angle is taken")
+    assert note.endswith(f'--column angle="{header}",unit=counts,counts_per_turn=N.')
+
+
 def test_a_unit_of_a_header_that_is_not_known_is_told(tmp_path):
     draft = draft_of_model("oscillator", mass(tmp_path, "displacement [m],force [lbf]"), folder=tmp_path)
     assert draft.columns["force"] == {"column": "force [lbf]", "unit": "N"}

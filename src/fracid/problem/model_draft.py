@@ -104,7 +104,9 @@ def channels_of(model: Model, roles: Mapping[str, str], raw: Recording) -> dict[
     """
     guesses = in_one_unit(raw, {n: (column, *_unit(model, n, raw, column)) for n, column in roles.items()})
     other = {note.where for note in with_code(raw.report.reading, "header-taken-as")}
-    return {n: ({"column": place_or_name(c)} | fields, why + SAYS("other-header", name=n, column=c) * (c in other))
+    doubts = {n: "other-counts" if "counts_per_turn" in fields else "other-header" if c in other else ""
+              for n, (c, fields, _) in guesses.items()}  # fmt: skip
+    return {n: ({"column": place_or_name(c)} | fields, why + (SAYS(doubts[n], name=n, column=c) if doubts[n] else ""))
             for n, (c, fields, why) in guesses.items()}  # fmt: skip
 
 
@@ -259,7 +261,8 @@ class _ModelPage:
         guessed = {c: n for c, n in named.items() if n in bare} | {c: n for n, c in roles.items() if n not in sensors}
         for name, column, field, why in self._guesses(guessed):
             columns.setdefault(name, {"column": field})
-            self.notes.append(f"{name} is taken from {column!r}, {why}.")
+            doubt = "May be wrong: " * ("counts_per_turn" in self.guessed[name])
+            self.notes.append(f"{doubt}{name} is taken from {column!r}, {why}.")
         if not given:
             columns |= self._of_sensors(columns)
         if not {*columns} & {*self.model.outputs}:
