@@ -438,6 +438,17 @@ def test_constants_begin_where_the_gain_and_the_zero_of_a_sensor_put_them(tmp_pa
     )
 
 
+@pytest.mark.parametrize("other", ["motor current [A]", "temperature [degC]"])
+def test_a_column_that_may_be_the_drive_of_a_rig_that_has_none_is_a_doubt_with_what_to_type(tmp_path, other):
+    t = np.arange(0, 8, 0.01)
+    table = np.column_stack([t, 0.3 * np.sin(3 * t), 0.3 * np.sin(3 * t - 0.1), np.sin(3 * t + 1)])
+    header = f"t [s],motor [rad],load [rad],{other}"
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=header, comments="", fmt="%.6g")
+    doubts = [n for n in draft_of_model("two-mass", tmp_path / "log.csv", folder=tmp_path).notes if "scale=FACTOR" in n]
+    typed = '--column torque="motor current [A]",unit="N m",scale=FACTOR, N m for each A'
+    assert [typed in n and n.startswith("May be wrong") for n in doubts] == [True] * ("current" in other)
+
+
 def test_the_start_of_what_nothing_measures_is_free(tmp_path):
     t = np.arange(0, 800, 4.0)
     level, pump = 3 - np.cos(t / 60), 2 + np.sin(t / 60)

@@ -45,6 +45,9 @@ SPAN = 10.0
 STILL = 2.0
 """Steps of an encoder within which it is at a standstill: it rounds, and its lines between samples do not."""
 
+DRIVES = ("V", "A", "N", "N m")
+"""The units of what may drive a rig."""
+
 SLIGHT = 0.1
 """An angle of rest that is looked for from 0 [rad]."""
 
@@ -180,6 +183,9 @@ class _ModelPage:
         missing = self.unsaid if (poor := self.first.explained < POOR) else {*self.unsaid} & {*self.table["needs"]}
         self.notes += [SAYS("poor", percent=100 * self.first.explained, name=self.name)] * poor
         self.notes += [SAYS("no-input", name=n, unit=self.model.input_unit(n)) for n in missing]
+        drives = [(c, unit) for c in self.unused if (unit := self.raws[c].units[c]) in DRIVES]
+        self.notes += [SAYS("unused-drive", name=n, unit=self.model.input_unit(n), column=c, drive=unit)
+                       for n in self.unsaid[:1] for c, unit in drives]  # fmt: skip
 
     def _columns_in(self, table: Table) -> Columns:
         """The columns in one file: a unit that was guessed is that of a header which says none."""
@@ -271,9 +277,9 @@ class _ModelPage:
         units = {n: self.model.unit_of(n) for n in given if "unit" not in columns[n]}
         self.guessed |= {n: {"unit": unit} for n, unit in units.items() if unit != "rad"}
         taken = [*roles.values(), *(c.get("column") for c in columns.values())]
-        unused = [c for c in self.raws if c not in taken]
-        if not given and unused:
-            self.notes.append(f"Not used: {', '.join(map(repr, unused))}.")
+        self.unused = [c for c in self.raws if c not in taken and not given]
+        if self.unused:
+            self.notes.append(f"Not used: {', '.join(map(repr, self.unused))}.")
         return columns
 
     def _guesses(self, columns: Mapping[str, str]) -> Iterator[tuple[str, str, int | str, str]]:
