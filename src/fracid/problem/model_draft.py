@@ -107,9 +107,8 @@ def channels_of(model: Model, roles: Mapping[str, str], raw: Recording) -> dict[
     """
     guesses = in_one_unit(raw, {n: (column, *_unit(model, n, raw, column)) for n, column in roles.items()})
     other = {note.where for note in with_code(raw.report.reading, "header-taken-as")}
-    doubts = {n: "other-counts" if "counts_per_turn" in fields else "other-header" if c in other else ""
-              for n, (c, fields, _) in guesses.items()}  # fmt: skip
-    return {n: ({"column": place_or_name(c)} | fields, why + (SAYS(doubts[n], name=n, column=c) if doubts[n] else ""))
+    other -= {c for c, fields, _ in guesses.values() if "counts_per_turn" in fields}  # of which there is more to say
+    return {n: ({"column": place_or_name(c)} | fields, why + SAYS("other-header", name=n, column=c) * (c in other))
             for n, (c, fields, why) in guesses.items()}  # fmt: skip
 
 
@@ -150,6 +149,7 @@ class _ModelPage:
     ) -> None:  # fmt: skip
         self.name, self.source, self.file, self.table = name, source, source.file, table_of(name)
         sources = [replace(source, file=file) for file in (source.file, *more)]
+        self.rows: Mapping[str, Mapping[str, Any]] = self.table["model"]["parameters"]
         self.stems = [one.file.stem for one in sources]
         zeros = ZEROS[:2] if zero is None and "angle" in self.table["model"] else (zero,)
         either = [with_rates(model(name, **({"zero": z} if z else {})), columns or ()) for z in zeros]
@@ -174,8 +174,9 @@ class _ModelPage:
         hanging, about = self.special.get("hanging", {}), self._quarter_turn()
         self.free = self.special.get("free", {}) | {n: [about + end for end in ends] for n, ends in hanging.items()}
         self.notes += [SAYS("hanging", name=n, degrees=math.degrees(about)) for n in hanging if about]
-        gains = {row.get("scales") for row in self.table["model"]["parameters"].values()}
+        gains = {row.get("scales") for row in self.rows.values()}
         kept = {n for n, c in self.columns.items() if c.get("constant")}
+        self.always = ("always", "driven" if any(moving_inputs(r, self.model) for r in self.recordings) else "undriven")
         self.scaled = any((moving_inputs(r, self.model) | kept) - gains for r in self.recordings)  # by a known gain
         either = [with_rates(m, self.columns) for m in either]
         found = [(m, FirstValues({}, {}, 1.0) if self.special else self._first_values(m)) for m in either]
@@ -183,9 +184,8 @@ class _ModelPage:
         missing = self.unsaid if (poor := self.first.explained < POOR) else {*self.unsaid} & {*self.table["needs"]}
         self.notes += [SAYS("poor", percent=100 * self.first.explained, name=self.name)] * poor
         self.notes += [SAYS("no-input", name=n, unit=self.model.input_unit(n)) for n in missing]
-        drives = [(c, unit) for c in self.unused if (unit := self.raws[c].units[c]) in DRIVES]
         self.notes += [SAYS("unused-drive", name=n, unit=self.model.input_unit(n), column=c, drive=unit)
-                       for n in self.unsaid[:1] for c, unit in drives]  # fmt: skip
+                       for n in self.unsaid[:1] for c, unit in self.unused.items() if unit in DRIVES]  # fmt: skip
 
     def _columns_in(self, table: Table) -> Columns:
         """The columns in one file: a unit that was guessed is that of a header which says none."""
@@ -267,8 +267,8 @@ class _ModelPage:
         guessed = {c: n for c, n in named.items() if n in bare} | {c: n for n, c in roles.items() if n not in sensors}
         for name, column, field, why in self._guesses(guessed):
             columns.setdefault(name, {"column": field})
-            doubt = "May be wrong: " * ("counts_per_turn" in self.guessed[name])
-            self.notes.append(f"{doubt}{name} is taken from {column!r}, {why}.")
+            self.notes.append(f"{name} is taken from {column!r}, {why}.")
+            self.notes += [SAYS("counts", name=name, column=column)] * ("counts_per_turn" in self.guessed[name])
         if not given:
             columns |= self._of_sensors(columns)
         if not {*columns} & {*self.model.outputs}:
@@ -277,7 +277,7 @@ class _ModelPage:
         units = {n: self.model.unit_of(n) for n in given if "unit" not in columns[n]}
         self.guessed |= {n: {"unit": unit} for n, unit in units.items() if unit != "rad"}
         taken = [*roles.values(), *(c.get("column") for c in columns.values())]
-        self.unused = [c for c in self.raws if c not in taken and not given]
+        self.unused = {c: raw.units[c] for c, raw in self.raws.items() if c not in taken and not given}
         if self.unused:
             self.notes.append(f"Not used: {', '.join(map(repr, self.unused))}.")
         return columns
@@ -324,14 +324,11 @@ class _ModelPage:
 
     def _taken(self, output: str, name: str, fields: dict[str, Any]) -> Columns:
         self.model = with_rates(self.model, [name])
-        self.notes.append(
-            f"{name} is taken from {fields['column']!r}, whose unit the header says: a sensor of {output}."
-        )
+        self.notes.append(SAYS("sensor", name=name, column=fields["column"], output=output))
         return {name: fields}
 
     def _first_values(self, model: Model) -> FirstValues:
-        rows = self.table["model"]["parameters"]
-        r = next((r for r in self.recordings if moving_inputs(r, model)), self.recordings[0])
+        r, rows = next((r for r in self.recordings if moving_inputs(r, model)), self.recordings[0]), self.rows
         r = r.trim("release") if self.is_released(r) else r
         time = np.arange(r.time[0], r.time[-1], r.report.clock.step)
         signals: dict[str, FloatArray] = {n: np.interp(time, r.time, np.nan_to_num(s)) for n, s in r.signals.items()}
@@ -342,7 +339,7 @@ class _ModelPage:
             signals.setdefault(of, integrated(signals.pop(n), r.report.clock.step, degree)[0])
         starts = {s: float(signals[o][0]) for s, o in self.near.items() if o}
         sought = [n for n in rows if self.sought(n) and not (rows[n]["start"] == 0.0 and self.grows(n))]
-        free = [n for n in sought if rows[n]["start"] != 0.0 or self._is_always_sought(n) or self._slides(n)]
+        free = [n for n in sought if rows[n]["start"] != 0.0 or rows[n].get("free") in self.always or self._slides(n)]
         optional = [n for n in sought if rows[n]["start"] == 0.0 and not self._slides(n)]
 
         def beginning_at(rests: Mapping[str, float]) -> FirstValues:
@@ -364,24 +361,18 @@ class _ModelPage:
             rest, middle = self.model.rest_of(n), float(np.nanmedian(r.signals[n][len(r.time) // 3 :]))
             if self.model.output_unit(n) == "rad":
                 middle -= (turn := math.pi if self.model.zero else 2 * math.pi) * round(middle / turn)
-            always = self._is_always_sought(rest)
-            if always or (not self.sought(rest) and abs(middle) > SLIGHT and not moving_inputs(r, self.model)):
+            free = self.rows[rest].get("free") in self.always
+            if free or (not self.sought(rest) and abs(middle) > SLIGHT and not moving_inputs(r, self.model)):
                 found[rest] = middle
         return found
 
     def sought(self, name: str) -> bool:
         """Whether a parameter is to be found from the recording."""
-        row = self.table["model"]["parameters"][name]
-        return not row.get("known") and not self.is_gauge(name) and not row.get("needs")
-
-    def _is_always_sought(self, name: str) -> bool:
-        """Whether it is, though the equations hardly show it."""
-        where = "driven" if any(moving_inputs(r, self.model) for r in self.recordings) else "undriven"
-        return self.table["model"]["parameters"][name].get("free") in ("always", where)
+        return not self.is_gauge(name) and not self.rows[name].keys() & {"known", "needs"}
 
     def is_gauge(self, name: str) -> bool:
         """Whether a parameter must be known, for the recording tells all others as multiples of it."""
-        return not self.scaled and self.table["model"]["parameters"][name].get("gauge", False)
+        return not self.scaled and self.rows[name].get("gauge", False)
 
     def _slides(self, name: str) -> bool:
         """Whether it is a dry friction, which every rig has: too small to be seen in the equations, it ends a swing."""
@@ -394,8 +385,7 @@ class _ModelPage:
     @cached_property
     def rests(self) -> list[str]:
         """Offsets of sensors that a file's zero leaves open, and angles of rest that the recordings ask for."""
-        left = {n: c for n, c in self.columns.items() if "bias" not in c and c.get("zero") != "rest"}
-        named = {self.model.rest_of(n) for n in left}
+        named = {self.model.rest_of(n) for n, c in self.columns.items() if "bias" not in c and c.get("zero") != "rest"}
         return [p.name for p in self.model.parameters if p.name in named
                 and (p.name in self.first.values or (p.unit == "rad" and not self.sought(p.name)))]  # fmt: skip
 
