@@ -12,7 +12,7 @@ from fracid.estimation.cost_plane import CostPlane, cost_plane
 from fracid.estimation.cost_profile import profile
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.minimum import settled
-from fracid.estimation.parameter_verdicts import _halved, _halved_angles, _View, identifiability
+from fracid.estimation.parameter_verdicts import _halved, _halved_angles, _View, identifiability, widest
 from fracid.estimation.profile_walk import refit
 from fracid.estimation.records import Estimate
 from fracid.models import Model, Parameter
@@ -30,6 +30,17 @@ def problem(orders=FREE, **options):
     run = fracid.simulate(RIG, orders=[0.9, 0.9, 0.95, 0.95], initial={"alpha": 0.4}, step=5e-3, end=1.0)
     swing = Experiment("swing", 5e-3, run.states[:, [0, 2]], np.zeros((1, 1)), initial={"theta": 0.0, "alpha": 0.4})
     return Problem(RIG, (swing,), orders, initial_state="held", **options)
+
+
+@pytest.mark.parametrize(
+    ("model", "rest", "far"), [("capacitor", "current_rest", 3.0), ("oscillator", "displacement_rest", 0.2)]
+)
+def test_a_zero_that_may_be_0_is_measured_by_how_far_moves_what_it_is_of(model, rest, far):
+    moves = np.linspace(0, 1, 9)[:, None]
+    e = Experiment("log", 0.1, 0.2 * moves, 3.0 * moves)
+    model = fracid.model(model)
+    p = Problem(model, (e,), dict.fromkeys(model.order_names, 1.0), {rest: Free(0.0, -1.0, 1.0)})
+    assert widest(p, p.unknowns[0], 0.0) == pytest.approx(0.05 * far)
 
 
 def test_the_plane_has_the_cost_at_each_of_its_points_and_the_centre_is_one_of_them():

@@ -89,7 +89,7 @@ def tanks(x, u, p):
 def capacitor(x, u, p):
     """Kirchhoff's law at the node between the capacitor and its branches."""
     branches = [(x[0] - x[i]) / p[f"R_{i}"] for i in (1, 2)]
-    net = u["current"] - p["leak"] * x[0] - sum(branches)
+    net = u["current"] - p["current_rest"] - p["leak"] * x[0] - sum(branches)
     return net / np.polyval([p["C2"], p["C1"], p["C0"]], x[0]), branches[0] / p["C_1"], branches[1] / p["C_2"]
 
 

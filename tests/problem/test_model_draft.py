@@ -144,6 +144,17 @@ def test_a_draft_begins_near_and_loads(tmp_path):
     assert "slip_speed" not in problem.names
 
 
+@pytest.mark.parametrize("header", ["angle [counts]", "angle"])
+def test_that_an_encoder_has_4096_counts_is_a_doubt_with_what_to_type_for_others(tmp_path, header):
+    t = np.arange(0, 8, 0.01)
+    table = np.column_stack([t, np.round(900 * np.exp(-0.1 * t) * np.cos(6 * t))])
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=f"t [s],{header}", comments="", fmt="%.6g")
+    notes = draft_of_model("pendulum", tmp_path / "log.csv", folder=tmp_path).notes
+    (doubt,) = (n for n in notes if n.startswith("May be wrong") and "4096" in n)
+    assert doubt.endswith(f'--column angle="{header}",unit=counts,counts_per_turn=COUNTS.')
+    assert not any("not what its header says" in n for n in notes)
+
+
 def test_a_unit_of_a_header_that_is_not_known_is_told(tmp_path):
     draft = draft_of_model("oscillator", mass(tmp_path, "displacement [m],force [lbf]"), folder=tmp_path)
     assert draft.columns["force"] == {"column": "force [lbf]", "unit": "N"}
@@ -257,13 +268,32 @@ def test_what_nearly_every_rig_has_is_free_though_the_equations_do_not_ask_for_i
     assert "spring_angle" not in free
 
 
-def test_leak_and_growing_capacity_are_free_in_a_draft_for_equations_at_some_samples_say_too_little_of_them(tmp_path):
+def test_gravity_that_a_spring_may_stand_for_has_room_above_what_explains_all_motion(tmp_path):
+    """Driven about its own frequency, at which inertia and gravity cancel."""
+    t, noise = np.arange(0, 10, 0.01), 2e-3 * np.random.default_rng(1).standard_normal(1000)
+    angle, rate, acceleration = (w * 0.2 * (5.5**k * np.sin(5.5 * t + d) + 6.5**k * np.sin(6.5 * t + d))
+                                 for k, d, w in ((0, 0.0, 1), (1, np.pi / 2, 1), (2, 0.0, -1)))  # fmt: skip
+    torque = 8e-3 * acceleration + 0.02 * rate + 0.288 * np.sin(angle)
+    _, problem = drafted(tmp_path, "joint", "t [s],torque [N m],angle [rad]", t, torque, angle + noise)
+    assert problem.parameters["gravity"].upper > 3 * 0.288
+
+
+@pytest.mark.parametrize("driven", [False, True])
+def test_the_drag_of_the_air_is_free_in_the_draft_of_a_joint_that_nothing_drives(tmp_path, driven):
+    t = np.arange(0, 8, 0.01)
+    swing = np.exp(-0.1 * t) * np.cos(6 * t) + 1e-3 * np.random.default_rng(1).standard_normal(len(t))
+    header, *torque = ("t [s],angle [rad],torque [N m]", np.sin(t)) if driven else ("t [s],angle [rad]",)
+    _, problem = drafted(tmp_path, "joint", header, t, swing, *torque)
+    assert ("drag_angle" in problem.names) == (not driven)
+
+
+def test_leak_offset_and_growing_capacity_are_free_in_a_draft_for_equations_at_some_samples_say_too_little(tmp_path):
     t = np.arange(0, 20, 0.1)
     current = 1.0 * (t > 1) * (t < 6)
     voltage = 0.5 + 0.1 * np.cumsum(current) / 15.0 + 0.05 * current
     voltage += 2e-3 * np.random.default_rng(1).standard_normal(t.size)
     _, problem = drafted(tmp_path, "capacitor", "time [s],current [A],voltage [V]", t, current, voltage)
-    assert {"C0", "R", "C1", "leak", "q"} <= {*problem.names}
+    assert {"C0", "R", "C1", "leak", "q", "current_rest [log]"} <= {*problem.names}
 
 
 def drafted(folder, model, header, *columns):
@@ -385,6 +415,39 @@ def test_an_input_that_jumps_is_held_between_samples_and_the_draft_says_so(tmp_p
     other = "line" if between == "hold" else "hold"
     assert re.search(rf'between = "{between}" }}   # .*"{other}" if', text)
     assert problem.experiments[0].between == {"torque": between}
+
+
+@pytest.mark.parametrize("sensor", [{"gain": 0.5}, {"gain": {"start": 0.5, "lower": 0.1, "upper": 1.0}}, {"bias": 0.3}])
+def test_constants_begin_where_the_gain_and_the_zero_of_a_sensor_put_them(tmp_path, sensor):
+    """One of the two alone ended in a KeyError, and an amplifier was taken the other way round."""
+    t = np.arange(0, 8, 0.01)
+    x, force = 0.1 * np.sin(5 * t), 11.0 * 0.1 * np.sin(5 * t) + 2.0 * 0.5 * np.cos(5 * t)  # 36 N/m, 1 kg, 2 N s/m
+    gain = 0.5 if "gain" in sensor else 1.0
+    np.savez(
+        tmp_path / "mass.npz",
+        time=t,
+        x=gain * x + sensor.get("bias", 0.0),
+        force=(force - sensor.get("bias", 0.0)) / gain,
+    )
+    columns = {"displacement": {"column": "x"}, "force": {"column": "force", "unit": "N"}}
+    draft = draft_of_model(
+        "oscillator", tmp_path / "mass.npz", {n: c | sensor for n, c in columns.items()}, folder=tmp_path
+    )
+    (tmp_path / "mass.toml").write_text(draft.text, encoding="utf-8")
+    assert fracid.load_project(tmp_path / "mass.toml").problem.parameters["b_displacement"].start == pytest.approx(
+        2.0, rel=0.1
+    )
+
+
+@pytest.mark.parametrize("other", ["motor current [A]", "temperature [degC]"])
+def test_a_column_that_may_be_the_drive_of_a_rig_that_has_none_is_a_doubt_with_what_to_type(tmp_path, other):
+    t = np.arange(0, 8, 0.01)
+    table = np.column_stack([t, 0.3 * np.sin(3 * t), 0.3 * np.sin(3 * t - 0.1), np.sin(3 * t + 1)])
+    header = f"t [s],motor [rad],load [rad],{other}"
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=header, comments="", fmt="%.6g")
+    doubts = [n for n in draft_of_model("two-mass", tmp_path / "log.csv", folder=tmp_path).notes if "scale=FACTOR" in n]
+    typed = '--column torque="motor current [A]",unit="N m",scale=FACTOR, N m for each A'
+    assert [typed in n and n.startswith("May be wrong") for n in doubts] == [True] * ("current" in other)
 
 
 def test_the_start_of_what_nothing_measures_is_free(tmp_path):

@@ -679,6 +679,20 @@ def test_a_clock_that_mostly_repeats_is_refused_without_a_warning():
     assert not jumps(t, np.arange(900) % 3.0)
 
 
+@pytest.mark.parametrize(("signal", "goes_by_jumps"), [
+    (lambda t: 1.0 * (t >= 5) - 1.5 * (t >= 45) + (t >= 71), True),
+    (lambda t: np.sin(0.2 * t), False),
+    (lambda t: np.round(20 * np.sin(0.2 * t)) / 20, False),
+    (lambda t: np.exp(-np.maximum(t - 5, 0) / 5), False),
+    (lambda t: np.minimum(t, 40.0), False),
+])  # fmt: skip
+def test_pulses_jump_and_what_is_slow_does_not_where_samples_crowd_after_each_edge(signal, goes_by_jumps):
+    """The edge itself came after a long gap, and counted by its rate: a twentieth."""
+    t = np.unique(np.round(np.r_[np.arange(0, 100, 2.0), np.add.outer([5, 45, 71], np.arange(0, 8, 0.05)).ravel()], 3))
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(len(t))
+    assert jumps(t, signal(t) + noise) == goes_by_jumps
+
+
 def test_a_recording_without_an_angle_says_nothing_of_a_release():
     t = np.arange(400) / 10
     cell = Recording.of("cell", t, {"voltage": 3 + t / 90 + 0.01 * np.cos(t)}, {"voltage": "V"}).report

@@ -273,7 +273,7 @@ def widest(problem: Problem, u: Unknown, value: float) -> float:
     0.1
     """
     if u.kind == "parameter":
-        return WIDE_REST * _motion_about(problem, u) if _is_rest(problem, u) else abs(value)
+        return WIDE_REST * _motions(problem).get(u.target, 1.0) if _is_rest(problem, u) else abs(value)
     if u.complete:
         return WIDE_PART
     return WIDE_ORDER if u.kind == "order" else math.inf
@@ -281,15 +281,16 @@ def widest(problem: Problem, u: Unknown, value: float) -> float:
 
 def _is_rest(problem: Problem, u: Unknown) -> bool:
     """Whether a parameter is where something rests; what a joint gives or the play of a gear is a size [rad]."""
-    model, rests = problem.model, map(problem.model.rest_of, problem.outputs)
-    return u.kind == "parameter" and u.target not in model.friction and (u.unit == "rad" or u.target in rests)
+    is_place = u.unit == "rad" or u.target in _motions(problem)
+    return u.kind == "parameter" and u.target not in problem.model.friction and is_place
 
 
-def _motion_about(problem: Problem, u: Unknown) -> float:
-    """How far moves what rests there; of an angle a radian."""
-    moves = {problem.model.rest_of(n): [np.ptp(e.measured[:, k]) for e in problem.experiments]
-             for k, n in enumerate(problem.outputs)}  # fmt: skip
-    return 1.0 if u.unit == "rad" else float(max(moves[u.target]))
+def _motions(problem: Problem) -> dict[str, float]:
+    """Parameter that says where a signal rests → how far that moves; those of angles, which count as a radian, not."""
+    model, every = problem.model, problem.experiments
+    moves = {n: max(np.ptp(e.measured[:, k]) for e in every) for k, n in enumerate(problem.outputs)}
+    moves |= {n: max(np.ptp(e.inputs[:, k]) for e in every) for k, n in enumerate(model.inputs)}
+    return {r: float(far) for n, far in moves.items() if (r := model.rest_of(n)) and model.parameter(r).unit != "rad"}
 
 
 def _effects(problem: Problem, x: FloatArray) -> FloatArray:

@@ -311,8 +311,7 @@ def draft_project(
     rotary_pendulum(rig_name)  # refuses an unknown one
     if columns is None:
         column_specs, notes = guess_file(file, time=time, variable=variable)
-        if "theta" not in column_specs:
-            notes += (SAYS("no-arm"),)
+        notes += (SAYS("no-arm"),) * ("theta" not in column_specs)
     else:
         column_specs, notes = {n: dict(c) for n, c in columns.items()}, ()
         if "alpha" not in column_specs:

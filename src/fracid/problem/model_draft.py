@@ -45,6 +45,9 @@ SPAN = 10.0
 STILL = 2.0
 """Steps of an encoder within which it is at a standstill: it rounds, and its lines between samples do not."""
 
+DRIVES = ("V", "A", "N", "N m")
+"""The units of what may drive a rig."""
+
 SLIGHT = 0.1
 """An angle of rest that is looked for from 0 [rad]."""
 
@@ -104,6 +107,7 @@ def channels_of(model: Model, roles: Mapping[str, str], raw: Recording) -> dict[
     """
     guesses = in_one_unit(raw, {n: (column, *_unit(model, n, raw, column)) for n, column in roles.items()})
     other = {note.where for note in with_code(raw.report.reading, "header-taken-as")}
+    other -= {c for c, fields, _ in guesses.values() if "counts_per_turn" in fields}  # of which there is more to say
     return {n: ({"column": place_or_name(c)} | fields, why + SAYS("other-header", name=n, column=c) * (c in other))
             for n, (c, fields, why) in guesses.items()}  # fmt: skip
 
@@ -116,6 +120,11 @@ def _unit(model: Model, name: str, raw: Recording, column: str) -> Fields:
     if own != unit:
         raise InputError(SAYS("other-unit", name=name, column=column, model=model, unit=unit, own=own))
     return {}, "whose unit the header says"
+
+
+def _start(quantity: float | Mapping[str, float]) -> float:
+    """Where the search for a sensor's quantity begins: a number's own value."""
+    return quantity["start"] if isinstance(quantity, Mapping) else quantity
 
 
 def states_with_unit(spec: Mapping[str, Any]) -> dict[str, str]:
@@ -140,6 +149,7 @@ class _ModelPage:
     ) -> None:  # fmt: skip
         self.name, self.source, self.file, self.table = name, source, source.file, table_of(name)
         sources = [replace(source, file=file) for file in (source.file, *more)]
+        self.rows: Mapping[str, Mapping[str, Any]] = self.table["model"]["parameters"]
         self.stems = [one.file.stem for one in sources]
         zeros = ZEROS[:2] if zero is None and "angle" in self.table["model"] else (zero,)
         either = [with_rates(model(name, **({"zero": z} if z else {})), columns or ()) for z in zeros]
@@ -164,8 +174,9 @@ class _ModelPage:
         hanging, about = self.special.get("hanging", {}), self._quarter_turn()
         self.free = self.special.get("free", {}) | {n: [about + end for end in ends] for n, ends in hanging.items()}
         self.notes += [SAYS("hanging", name=n, degrees=math.degrees(about)) for n in hanging if about]
-        gains = {row.get("scales") for row in self.table["model"]["parameters"].values()}
+        gains = {row.get("scales") for row in self.rows.values()}
         kept = {n for n, c in self.columns.items() if c.get("constant")}
+        self.always = ("always", "driven" if any(moving_inputs(r, self.model) for r in self.recordings) else "undriven")
         self.scaled = any((moving_inputs(r, self.model) | kept) - gains for r in self.recordings)  # by a known gain
         either = [with_rates(m, self.columns) for m in either]
         found = [(m, FirstValues({}, {}, 1.0) if self.special else self._first_values(m)) for m in either]
@@ -173,6 +184,8 @@ class _ModelPage:
         missing = self.unsaid if (poor := self.first.explained < POOR) else {*self.unsaid} & {*self.table["needs"]}
         self.notes += [SAYS("poor", percent=100 * self.first.explained, name=self.name)] * poor
         self.notes += [SAYS("no-input", name=n, unit=self.model.input_unit(n)) for n in missing]
+        self.notes += [SAYS("unused-drive", name=n, unit=self.model.input_unit(n), column=c, drive=unit)
+                       for n in self.unsaid[:1] for c, unit in self.unused.items() if unit in DRIVES]  # fmt: skip
 
     def _columns_in(self, table: Table) -> Columns:
         """The columns in one file: a unit that was guessed is that of a header which says none."""
@@ -211,9 +224,8 @@ class _ModelPage:
     @property
     def unsaid(self) -> list[str]:
         """The inputs of which nobody says anything, where no input has a column."""
-        m = self.model
-        said = {*self.columns, *m.input_rates, *m.input_defaults}
-        return [] if {*m.inputs} & {*self.columns} else [n for n in m.inputs if n not in said]
+        said = {*self.columns, *self.model.input_rates, *self.model.input_defaults}
+        return [] if {*self.model.inputs} & {*self.columns} else [n for n in self.model.inputs if n not in said]
 
     def is_released(self, recording: Recording) -> bool:
         """Whether it is held and let go, and nothing drives it."""
@@ -256,6 +268,7 @@ class _ModelPage:
         for name, column, field, why in self._guesses(guessed):
             columns.setdefault(name, {"column": field})
             self.notes.append(f"{name} is taken from {column!r}, {why}.")
+            self.notes += [SAYS("counts", name=name, column=column)] * ("counts_per_turn" in self.guessed[name])
         if not given:
             columns |= self._of_sensors(columns)
         if not {*columns} & {*self.model.outputs}:
@@ -264,9 +277,9 @@ class _ModelPage:
         units = {n: self.model.unit_of(n) for n in given if "unit" not in columns[n]}
         self.guessed |= {n: {"unit": unit} for n, unit in units.items() if unit != "rad"}
         taken = [*roles.values(), *(c.get("column") for c in columns.values())]
-        unused = [c for c in self.raws if c not in taken]
-        if not given and unused:
-            self.notes.append(f"Not used: {', '.join(map(repr, unused))}.")
+        self.unused = {c: raw.units[c] for c, raw in self.raws.items() if c not in taken and not given}
+        if self.unused:
+            self.notes.append(f"Not used: {', '.join(map(repr, self.unused))}.")
         return columns
 
     def _guesses(self, columns: Mapping[str, str]) -> Iterator[tuple[str, str, int | str, str]]:
@@ -287,8 +300,7 @@ class _ModelPage:
         if unit in (rates := {f"{own}/s": "_rate", f"{own}/s^2": "_acceleration"}):
             return output + rates[unit], {"column": column}
         if (own, unit) == ("rad", "m/s^2"):
-            radius = {"start": 0.2, "lower": 0.0, "upper": 2.0}
-            return f"{output}_acceleration", {"column": column, "radius": radius}
+            return f"{output}_acceleration", {"column": column, "radius": {"start": 0.2, "lower": 0.0, "upper": 2.0}}
         if own in ("rad", "m") and unit == "V" and "V" not in self.model.input_units.values():
             middle, width = float(np.nanmean(y)), float(np.nanmax(y) - np.nanmin(y))
             gain = {"start": width, "lower": width / SPAN, "upper": SPAN * width}
@@ -312,23 +324,22 @@ class _ModelPage:
 
     def _taken(self, output: str, name: str, fields: dict[str, Any]) -> Columns:
         self.model = with_rates(self.model, [name])
-        whose = f"whose unit the header says: a sensor of {output}"
-        self.notes.append(f"{name} is taken from {fields['column']!r}, {whose}.")
+        self.notes.append(SAYS("sensor", name=name, column=fields["column"], output=output))
         return {name: fields}
 
     def _first_values(self, model: Model) -> FirstValues:
-        rows = self.table["model"]["parameters"]
-        r = next((r for r in self.recordings if moving_inputs(r, model)), self.recordings[0])
+        r, rows = next((r for r in self.recordings if moving_inputs(r, model)), self.recordings[0]), self.rows
         r = r.trim("release") if self.is_released(r) else r
         time = np.arange(r.time[0], r.time[-1], r.report.clock.step)
         signals: dict[str, FloatArray] = {n: np.interp(time, r.time, np.nan_to_num(s)) for n, s in r.signals.items()}
+        for n, c in ((n, c) for n, c in self.columns.items() if n in signals):
+            gain, bias = _start(c.get("gain", 1.0)), _start(c.get("bias", 0.0))
+            signals[n] = gain * signals[n] + bias if n in model.inputs else (signals[n] - bias) / gain
         for n, (of, degree) in sorted(self.model.derived.items(), key=lambda one: one[1][1]):
             signals.setdefault(of, integrated(signals.pop(n), r.report.clock.step, degree)[0])
-        for n, c in ((n, c) for n, c in self.columns.items() if "gain" in c):
-            signals[n] = (signals[n] - c["bias"]["start"]) / c["gain"]["start"]
         starts = {s: float(signals[o][0]) for s, o in self.near.items() if o}
         sought = [n for n in rows if self.sought(n) and not (rows[n]["start"] == 0.0 and self.grows(n))]
-        free = [n for n in sought if rows[n]["start"] != 0.0 or rows[n].get("free") or self._slides(n)]
+        free = [n for n in sought if rows[n]["start"] != 0.0 or rows[n].get("free") in self.always or self._slides(n)]
         optional = [n for n in sought if rows[n]["start"] == 0.0 and not self._slides(n)]
 
         def beginning_at(rests: Mapping[str, float]) -> FirstValues:
@@ -350,19 +361,18 @@ class _ModelPage:
             rest, middle = self.model.rest_of(n), float(np.nanmedian(r.signals[n][len(r.time) // 3 :]))
             if self.model.output_unit(n) == "rad":
                 middle -= (turn := math.pi if self.model.zero else 2 * math.pi) * round(middle / turn)
-            free = self.table["model"]["parameters"][rest].get("free")
+            free = self.rows[rest].get("free") in self.always
             if free or (not self.sought(rest) and abs(middle) > SLIGHT and not moving_inputs(r, self.model)):
                 found[rest] = middle
         return found
 
     def sought(self, name: str) -> bool:
         """Whether a parameter is to be found from the recording."""
-        row = self.table["model"]["parameters"][name]
-        return not row.get("known") and not self.is_gauge(name) and not row.get("needs")
+        return not self.is_gauge(name) and not self.rows[name].keys() & {"known", "needs"}
 
     def is_gauge(self, name: str) -> bool:
         """Whether a parameter must be known, for the recording tells all others as multiples of it."""
-        return not self.scaled and self.table["model"]["parameters"][name].get("gauge", False)
+        return not self.scaled and self.rows[name].get("gauge", False)
 
     def _slides(self, name: str) -> bool:
         """Whether it is a dry friction, which every rig has: too small to be seen in the equations, it ends a swing."""
@@ -374,9 +384,8 @@ class _ModelPage:
 
     @cached_property
     def rests(self) -> list[str]:
-        """Offsets of encoders that a file's zero leaves open, and angles of rest that the recordings ask for."""
-        named = {self.model.rest_of(n) for n, c in self.columns.items()
-                 if n in self.outputs and "bias" not in c and c.get("zero") != "rest"}  # fmt: skip
+        """Offsets of sensors that a file's zero leaves open, and angles of rest that the recordings ask for."""
+        named = {self.model.rest_of(n) for n, c in self.columns.items() if "bias" not in c and c.get("zero") != "rest"}
         return [p.name for p in self.model.parameters if p.name in named
                 and (p.name in self.first.values or (p.unit == "rad" and not self.sought(p.name)))]  # fmt: skip
 
@@ -398,7 +407,7 @@ class _ModelPage:
         if self._slides(p.name):
             start = max(start, self.model.friction[p.name].begins * reach)
         off = p.value == 0.0 or p.name in self.model.friction
-        wide = max(SPAN * abs(start), reach if off or start == 0.0 else 0.0)
+        wide = SPAN * max(abs(start), reach if off or start == 0.0 else 0.0)
         lower = (0.0 if off or p.lower == 0.0 else start / SPAN) if p.lower >= 0.0 else -wide
         return start, max(lower, p.lower), min(wide, p.upper)
 

@@ -251,7 +251,7 @@ def unit_of(recording: Recording, name: str, what: str) -> Fields:
 
 
 def jumps(time: FloatArray, x: FloatArray) -> bool:
-    """Whether a signal goes by jumps, as a test stand's steps and pulses do.
+    """Whether a signal goes by jumps, as a test stand's steps and pulses do: beside one it keeps still for as long.
 
     Examples
     --------
@@ -259,9 +259,10 @@ def jumps(time: FloatArray, x: FloatArray) -> bool:
     >>> jumps(t, np.sign(np.sin(t))), jumps(t, np.round(20 * np.sin(t)) / 20)
     (True, False)
     """
-    dt = np.diff(time)
-    steps = np.abs(np.diff(x)) * np.divide(np.median(dt), dt, out=np.ones(dt.shape), where=dt > 0)
-    least = np.maximum(JUMP * np.ptp(x), EVEN * np.maximum(steps[:-2], steps[2:]))
+    dt, steps = np.diff(time), np.abs(np.diff(x))
+    before = np.abs(x[:-1] - np.interp(time[:-1] - dt, time, x))
+    after = np.abs(np.interp(time[1:] + dt, time, x) - x[1:])
+    least = np.maximum(JUMP * np.ptp(x), EVEN * np.maximum(before, after))[1:-1]
     return bool(np.sum(np.where(steps[1:-1] > least, steps[1:-1], 0.0) ** 2) > MOST * np.sum(steps**2))
 
 

@@ -159,7 +159,7 @@ class Page {
   sought({ name, free }) {
     const { without } = this.spec;
     if (this.still() && without.fixed.includes(name)) return false;
-    return free === "always" || (free === "driven" && this.recording !== null && this.recording.driven);
+    return free === "always" || free === (this.recording?.driven ? "driven" : "undriven");
   }
 
   still() { const { without } = this.spec; return without && !(without.output in this.setup.signals); }

@@ -153,7 +153,7 @@ def _output(m: Model, name: str, place: int) -> dict[str, Any]:
 
 
 def _parameters(table: Mapping[str, Any], m: Model) -> Iterator[dict[str, Any]]:
-    """Each with where it is free: always, where the rig is driven, or never."""
+    """Each with where it is free: always, where the rig is driven or is not, or never."""
     for p in m.parameters:
         row, kind = table["model"]["parameters"][p.name], m.friction.get(p.name)
         if "free" in row:

@@ -19,7 +19,8 @@ of a parameter      ``about``, ``symbol`` (``"J_θ"``), ``needs``, ``known = tru
                     ``gauge = true`` for what must be, where nothing of its unit drives the model, ``scales`` for
                     the input that a gain makes into that unit, ``rung`` of the ladder,
                     ``corner = true`` for what linear models are without, ``between``, bounds that do not follow from
-                    a value, and ``free``, ``"always"`` or ``"driven"``, where the rest of the row does not say it
+                    a value, and ``free``, ``"always"``, ``"driven"`` or ``"undriven"``, where the rest of the row
+                    does not say it
 ``symbols`` …       input or definition → how it is printed, and ``drive``, ``seen_in``, ``paper`` of a model
 of an equation      ``symbol``, ``only``, ``follows``, ``forgets``, ``size``, ``name``, ``note``:
                     :class:`fracid.models.written.equations.Equation`
