@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import fracid
 from fracid.models.library import table_of
@@ -448,6 +449,24 @@ def test_a_column_that_may_be_the_drive_of_a_rig_that_has_none_is_a_doubt_with_w
     doubts = [n for n in draft_of_model("two-mass", tmp_path / "log.csv", folder=tmp_path).notes if "scale=FACTOR" in n]
     typed = '--column torque="motor current [A]",unit="N m",scale=FACTOR, N m for each A'
     assert [typed in n and n.startswith("May be wrong") for n in doubts] == [True] * ("current" in other)
+
+
+@pytest.mark.parametrize("gear", [1.0, 3.0])
+def test_a_load_behind_a_gear_has_its_ratio_as_a_gain(tmp_path, gear):
+    t = np.arange(0, 4, 0.008)
+    torque = 0.02 * np.sin(2 * t + 4 * t**2)
+
+    def rates(at, x):
+        shaft = 0.1 * (x[0] - x[2]) + 2e-4 * (x[1] - x[3])
+        return [x[1], (np.interp(at, t, torque) - shaft) / 8e-5, x[3], (shaft - 1e-4 * x[3]) / 2e-4]
+
+    motor, _, load, _ = solve_ivp(rates, (0, t[-1]), [0.0] * 4, t_eval=t, rtol=1e-7, max_step=0.01).y
+    text, problem = drafted(tmp_path, "two-mass", "t,motor [rad],load [rad],tau [N m]", t, motor, gear * load, torque)
+    assert ("gain_load" in problem.names) == (gear != 1.0)
+    assert ("gain = {" in text) == (gear != 1.0)
+    starts = dict(zip(problem.names, problem.start, strict=True))
+    assert starts.get("gain_load", 1.0) == pytest.approx(gear, rel=1e-3)
+    assert starts["k"] == pytest.approx(0.1, rel=0.1)
 
 
 def test_the_start_of_what_nothing_measures_is_free(tmp_path):

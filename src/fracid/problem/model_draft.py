@@ -54,6 +54,9 @@ SLIGHT = 0.1
 POOR = 0.5
 """Below this share the equations at their first values hardly explain a recording."""
 
+WELL = 0.98
+"""Above this no gear is looked for."""
+
 
 def draft_of_model(
     name: str, file: str | Path, columns: Mapping[str, Mapping[str, Any]] | None = None, *,
@@ -179,8 +182,16 @@ class _ModelPage:
         self.always = ("always", "driven" if any(moving_inputs(r, self.model) for r in self.recordings) else "undriven")
         self.scaled = any((moving_inputs(r, self.model) | kept) - gains for r in self.recordings)  # by a known gain
         either = [with_rates(m, self.columns) for m in either]
-        found = [(m, FirstValues({}, {}, 1.0) if self.special else self._first_values(m)) for m in either]
-        self.model, self.first = max(found, key=lambda one: one[1].explained)
+        found = [(m, 1.0, FirstValues({}, {}, 1.0) if self.special else self._first_values(m, 1.0)) for m in either]
+        if all(first.explained < WELL for _, _, first in found):
+            found += [(m, gear, self._first_values(m, gear)) for m in either for gear in self._gears()]
+        self.model, gear, self.first = max(found, key=lambda one: one[2].explained)
+        if gear != 1.0:
+            drive, geared = self.table["geared"]
+            ends = sorted((gear / SPAN, SPAN * gear))
+            for channels in (self.columns, *self.channels):
+                channels[geared]["gain"] = {"start": gear, "lower": ends[0], "upper": ends[1]}
+            self.notes.append(SAYS("geared", drive=drive, geared=geared, gear=gear))
         missing = self.unsaid if (poor := self.first.explained < POOR) else {*self.unsaid} & {*self.table["needs"]}
         self.notes += [SAYS("poor", percent=100 * self.first.explained, name=self.name)] * poor
         self.notes += [SAYS("no-input", name=n, unit=self.model.input_unit(n)) for n in missing]
@@ -327,13 +338,28 @@ class _ModelPage:
         self.notes.append(SAYS("sensor", name=name, column=fields["column"], output=output))
         return {name: fields}
 
-    def _first_values(self, model: Model) -> FirstValues:
+    def _gears(self) -> set[float]:
+        """What an output behind a gear may move for each turn of the drive: about what it did.
+
+        Where both swing against each other no slope is that of the gear; one of whole teeth is looked for beside each.
+        """
+        pair = self.table.get("geared", ("", ""))
+        if not {*pair} <= {*self.columns} or "gain" in self.columns[pair[1]]:
+            return set()
+        x, y = (self.recordings[0].signals[n] - np.nanmean(self.recordings[0].signals[n]) for n in pair)
+        both = float(np.nansum(x * y))
+        ends = both / float(np.nansum(x * x)), float(np.nansum(y * y)) / both
+        slopes = [*ends, math.copysign(math.sqrt(ends[0] * ends[1]), both)]
+        return {*slopes, *(float(round(g)) if abs(g) > 1 else 1 / round(1 / g) for g in slopes)} - {1.0}
+
+    def _first_values(self, model: Model, gear: float) -> FirstValues:
         r, rows = next((r for r in self.recordings if moving_inputs(r, model)), self.recordings[0]), self.rows
         r = r.trim("release") if self.is_released(r) else r
         time = np.arange(r.time[0], r.time[-1], r.report.clock.step)
         signals: dict[str, FloatArray] = {n: np.interp(time, r.time, np.nan_to_num(s)) for n, s in r.signals.items()}
         for n, c in ((n, c) for n, c in self.columns.items() if n in signals):
-            gain, bias = _start(c.get("gain", 1.0)), _start(c.get("bias", 0.0))
+            own = gear if n in self.table.get("geared", ())[1:] else 1.0
+            gain, bias = _start(c.get("gain", own)), _start(c.get("bias", 0.0))
             signals[n] = gain * signals[n] + bias if n in model.inputs else (signals[n] - bias) / gain
         for n, (of, degree) in sorted(self.model.derived.items(), key=lambda one: one[1][1]):
             signals.setdefault(of, integrated(signals.pop(n), r.report.clock.step, degree)[0])

@@ -2,12 +2,12 @@
 
 Above stand ``about``, ``source``, one line for lists and where the equations come from, ``needs``, the columns without
 which a recording is of something else, ``moves``, those of them that are found by how they move where another column is
-left, and ``[columns]``, how those of recordings are called (:mod:`fracid.problem.roles`); ``[beside]``, constants that
-a log says beside its samples, and ``[with.SIGNAL]``, what a draft of a recording with that signal is like
-(:mod:`fracid.problem.model_draft`).  For the page that opens a recording, ``[without]`` is what is fixed where an
-output is missing, ``span`` the factor within which constants are sought, and ``rigs = true`` says that the rigs of
-``rigs.toml`` are of this model.  ``[twin]`` below is what ``fracid simulate --model`` simulates, with inputs as
-functions of t.  ``[model]`` is a project's; what it has beside is
+left, ``geared``, an output and one that may be behind a gear of it, and ``[columns]``, how those of recordings are
+called (:mod:`fracid.problem.roles`); ``[beside]``, constants that a log says beside its samples, and ``[with.SIGNAL]``,
+what a draft of a recording with that signal is like (:mod:`fracid.problem.model_draft`).  For the page that opens a
+recording, ``[without]`` is what is fixed where an output is missing, ``span`` the factor within which constants are
+sought, and ``rigs = true`` says that the rigs of ``rigs.toml`` are of this model.  ``[twin]`` below is what ``fracid
+simulate --model`` simulates, with inputs as functions of t.  ``[model]`` is a project's; what it has beside is
 
 ==================  ===========================================================================================
 ``angle``           the output that is 0 where the pendulum hangs, or with ``zero = "upright"`` where it stands; in
