@@ -15,6 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -183,8 +184,9 @@ class _ModelPage:
         self.scaled = any((moving_inputs(r, self.model) | kept) - gains for r in self.recordings)  # by a known gain
         either = [with_rates(m, self.columns) for m in either]
         found = [(m, 1.0, FirstValues({}, {}, 1.0) if self.special else self._first_values(m, 1.0)) for m in either]
-        if all(first.explained < WELL for _, _, first in found):
-            found += [(m, gear, self._first_values(m, gear)) for m in either for gear in self._gears()]
+        for m, gear in product(either, self._gears()):
+            if all(first.explained < WELL for _, _, first in found):
+                found.append((m, gear, self._first_values(m, gear)))
         self.model, gear, self.first = max(found, key=lambda one: one[2].explained)
         if gear != 1.0:
             drive, geared = self.table["geared"]
@@ -338,19 +340,19 @@ class _ModelPage:
         self.notes.append(SAYS("sensor", name=name, column=fields["column"], output=output))
         return {name: fields}
 
-    def _gears(self) -> set[float]:
+    def _gears(self) -> list[float]:
         """What an output behind a gear may move for each turn of the drive: about what it did.
 
         Where both swing against each other no slope is that of the gear; one of whole teeth is looked for beside each.
         """
         pair = self.table.get("geared", ("", ""))
         if not {*pair} <= {*self.columns} or "gain" in self.columns[pair[1]]:
-            return set()
+            return []
         x, y = (self.recordings[0].signals[n] - np.nanmean(self.recordings[0].signals[n]) for n in pair)
         both = float(np.nansum(x * y))
         ends = both / float(np.nansum(x * x)), float(np.nansum(y * y)) / both
         slopes = [*ends, math.copysign(math.sqrt(ends[0] * ends[1]), both)]
-        return {*slopes, *(float(round(g)) if abs(g) > 1 else 1 / round(1 / g) for g in slopes)} - {1.0}
+        return [*dict.fromkeys(float(round(g)) if abs(g) > 1 else 1 / round(1 / g) for g in slopes), *slopes]
 
     def _first_values(self, model: Model, gear: float) -> FirstValues:
         r, rows = next((r for r in self.recordings if moving_inputs(r, model)), self.recordings[0]), self.rows
