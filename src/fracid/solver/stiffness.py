@@ -313,7 +313,8 @@ def fault_of(
     largest = _largest(spectra)
     if away or unsolved or run.outcome is Outcome.DIVERGED:
         if largest > method.sweeps:
-            return _swept_away(run, largest)
+            shorter = run.step * (0.5 * method.sweeps / largest) ** (1 / float(np.max(run.orders)))
+            return SAYS.finding("overshoots", "", largest, method.sweeps, end=run.time[-1], run=run, shorter=shorter)
         found = _runs_away(run, largest) if several and (away or not unsolved) else None
         if not unsolved or (found is not None and found.code != "blow-up"):
             return found
@@ -400,12 +401,6 @@ def _rings(run: Trajectory, largest: float) -> Finding | None:
         return None
     return SAYS.finding("ringing", "", largest, 2.0, state=state, RINGS=RINGS, percent=100 * share[state], run=run,
                         shorter=run.step / largest)  # fmt: skip
-
-
-def _swept_away(run: Trajectory, largest: float) -> Finding:
-    limit = METHODS[run.method].sweeps
-    shorter = run.step * (0.5 * limit / largest) ** (1 / float(np.max(run.orders)))
-    return SAYS.finding("overshoots", "", largest, limit, end=run.time[-1], run=run, shorter=shorter)
 
 
 def _low_order(run: Trajectory, linear: list[FloatArray], gain: FloatArray) -> Finding | None:
