@@ -134,9 +134,8 @@ def rig_of(model: Identified, target: str) -> Rig:
         if link.mass <= 0 or min(link.inertia) < 0:
             raise InputError(SAYS("no-body", link=link, least=min(link.inertia)))
         links.append(link)
-    shaft = rows.get("shaft")
     spring = None
-    if shaft:
+    if shaft := rows.get("shaft"):
         spring = tuple(shaft["joints"]), *(values(shaft[n]) for n in ("stiffness", "damping", "rest"))
     return Rig(model, tuple(links), spring, tuple(_lost(model, values.used, target)))
 

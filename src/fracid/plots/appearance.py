@@ -22,7 +22,6 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray, extremes
 from fracid.estimation.records import RecordingFit
@@ -271,13 +270,8 @@ def label(axes: Axes, heading: str, x: str, y: str, ticks: int | None = 6) -> No
 def line(axes: Axes, time: FloatArray, y: FloatArray, **style: Any) -> None:
     """Draw samples as a line; few as dots too."""
     dots: dict[str, Any] = {"marker": "o", "ms": 3} if y.size <= 100 else {}
-    indices = outline(y)
+    indices = extremes([y], 2 * BINS)
     axes.plot(time[indices], y[indices], **dots, **style)
-
-
-def outline(y: FloatArray) -> NDArray[np.intp]:
-    """Return indices of the samples that draw the same line: least and greatest of each bin, first and last."""
-    return extremes([y], 2 * BINS)
 
 
 def encoder_band(axes: Axes, step: float | None, unit: str = "rad", *, upright: bool = False) -> None:
