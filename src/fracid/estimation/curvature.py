@@ -32,7 +32,8 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,8 +55,7 @@ LOWER = 1e-9
 """A cost that is lower by less than this part is lower by rounding."""
 
 
-@dataclass(frozen=True)
-class Curvature:
+class Curvature(NamedTuple):
     """The cost next to its minimum: a parabola over the unknowns that no bound holds."""
 
     free: NDArray[np.intp]

@@ -34,7 +34,7 @@ from functools import lru_cache
 from graphlib import TopologicalSorter
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -254,8 +254,7 @@ def _of_file(path: str, preset: str | None, sha256: str, trust: bool) -> _Given:
     return given
 
 
-@dataclass(frozen=True)
-class _Fold:
+class _Fold(NamedTuple):
     """What is fitted and what is held out, with the ladder of it."""
 
     held_out: tuple[Experiment, ...]

@@ -56,7 +56,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,8 +158,7 @@ def steps_a_period(eigenvalues: NDArray[np.complex128]) -> float:
     return float(2 * math.pi / max(swinging)) if swinging and max(swinging) > 0 else math.inf
 
 
-@dataclass(frozen=True)
-class TooLong:
+class TooLong(NamedTuple):
     """A step beyond what its scheme follows."""
 
     size: float
