@@ -23,7 +23,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fracid.arrays import FloatArray, extremes
+from fracid.arrays import FloatArray, Quanta, extremes
 from fracid.estimation.records import RecordingFit
 from fracid.figures import STYLES, Style, style_named
 from fracid.models import Model
@@ -297,7 +297,7 @@ def axis_unit(unit: str) -> tuple[str, float]:
     return plain(typeset_unit(display_unit)) or "–", factor
 
 
-def encoder_step(resolution: Mapping[str, float | None] | None, name: str) -> float | None:
+def encoder_step(resolution: Quanta, name: str) -> float | None:
     """The step of a signal's encoder, None where it has none or none is known."""
     step = (resolution or {}).get(name)
     return step if step is not None and 0 < step < np.inf else None

@@ -48,13 +48,12 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, Quanta
 from fracid.errors import InputError, refuse_unknown
 from fracid.estimation.records import RecordingFit
 from fracid.signals.correlation import autocorrelation, box_pierce, correlation_time, longest_stretch, power_spectrum
@@ -100,9 +99,7 @@ from fracid.validation.residual_tests import (
 )
 
 
-def residual_analysis(
-    recording: RecordingFit, output: str, resolution: Mapping[str, float | None] | None = None
-) -> ResidualAnalysis:
+def residual_analysis(recording: RecordingFit, output: str, resolution: Quanta = None) -> ResidualAnalysis:
     """Test the residual of one output, whiteness first, each result with a line of plain words.
 
     Parameters

@@ -247,7 +247,7 @@ def cut_check(
     treatments, left_out = dict[str, Treatment](), dict[str, str]()
     for name, treatment in TREATMENTS.items():
         try:
-            treatments |= _refitted(name, problem, x, treatment(problem, records), jobs, budget=budget)
+            treatments |= _refit(name, problem, x, treatment(problem, records), jobs, budget=budget)
         except InputError as error:  # also of a problem that cannot be: a past, where not every angle was recorded
             left_out[name] = str(error)
     half = {n: half_of(known.interval(x, i)) or None if isinstance(known, Uncertainty) else None
@@ -414,9 +414,7 @@ def _onwards(whole: Experiment, e: Experiment, k: int) -> Experiment:
 # --- the refit -------------------------------------------------------------------------------------------------
 
 
-def _refitted(
-    name: str, problem: Problem, x: FloatArray, other: Problem, jobs: int, budget: int
-) -> dict[str, Treatment]:
+def _refit(name: str, problem: Problem, x: FloatArray, other: Problem, jobs: int, budget: int) -> dict[str, Treatment]:
     """The treatment by its full name."""
     begun = _carried(problem, x, other)
     result = uninterrupted(refined(other, begun, Watch(jobs), tolerance=1e-5, budget=budget))
