@@ -10,7 +10,7 @@ import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -67,8 +67,7 @@ class Link:
         return tuple(max(v, 1e-12) for v in self.inertia)
 
 
-@dataclass(frozen=True)
-class Rig:
+class Rig(NamedTuple):
     """An identified model as links."""
 
     model: Identified

@@ -311,19 +311,21 @@ def _piece(problem: Problem, x: FloatArray, e: Experiment, span: tuple[int, int]
     return of(experiments=(replace(part, past=None, past_inputs=None),))
 
 
-def _window_values(
-    problem: Problem, x: FloatArray, e: Experiment, errors: ByName
-) -> tuple[dict[str, Value], dict[str, Value]]:
+Values = dict[str, Value]
+"""Name → what an order or a constant of a window is: a number, free or tied."""
+
+
+def _window_values(problem: Problem, x: FloatArray, e: Experiment, errors: ByName) -> tuple[Values, Values]:
     """Orders free; constants near their values, friction as near as the fit knows it, viscous friction at its value."""
     order_values, values, *_ = problem.unpack(x, e)
     at = by_name(problem.model.orders, order_values)
     any_free = any(isinstance(v, Free) for v in problem.orders.values())
-    orders: dict[str, Value] = {}
+    orders: Values = {}
     for name, v in problem.orders.items():
         span = v if isinstance(v, Free) else ORDER
         fixed = isinstance(v, Tied) or (any_free and not isinstance(v, Free))
         orders[name] = (v if isinstance(v, Tied) else at[name]) if fixed else _around(at[name], span)
-    parameters: dict[str, Value] = dict(zip(problem.model.parameter_names, values.tolist(), strict=True))
+    parameters: Values = dict(zip(problem.model.parameter_names, values.tolist(), strict=True))
     kinds = problem.model.friction
     # held: it and the order are one to a single swing, and an error of it moves the order of all windows alike
     viscous = {name for name, kind in kinds.items() if kind.power == 1}

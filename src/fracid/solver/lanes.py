@@ -444,10 +444,9 @@ def step_together(rhs, run, started, room, out):
     )  # fmt: skip
     begin = Start(_together(started.known), _together(started.x0), started.together, started.knots,
                   _together(started.parabolas))  # fmt: skip
-    x, before, earlier, last_x, history_part, newest, scale, jump, entered, share = rows
     work = (
-        (_together(x), _together(before), _together(earlier), _together(last_x), _together(history_part),
-         _together(newest), _together(scale), _together(jump), _together(entered), _together(share)),
+        (_together(rows[0]), _together(rows[1]), _together(rows[2]), _together(rows[3]), _together(rows[4]),
+         _together(rows[5]), _together(rows[6]), _together(rows[7]), _together(rows[8]), _together(rows[9])),
         (_together(f[0]), _together(f[1])), now, _together(W), _together(start),
     )  # fmt: skip
     return _pi2(rhs, lanes, begin, (window, (numbers, sums), _together(ahead)), work, False, out)
