@@ -27,6 +27,9 @@ Pair = tuple[FloatArray, FloatArray]
 
 Name = TypeVar("Name")
 
+Quanta = Mapping[str, float | None] | None
+"""Output → the step that its encoder rounds to, None for none; None where nobody says."""
+
 ByName = Mapping[str, float]
 """Numbers by the names of what they are of: orders, parameters, unknowns."""
 

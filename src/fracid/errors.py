@@ -70,13 +70,6 @@ class FailureReason(Enum):
     AT_BOUND = "every unknown lies at a bound"
     NO_FIT = "the model does not fit"
     OWN_COST = "a user's own cost is of unknown loss"
-    AT_REST = "the fit starts at rest"
-    UNCHANGED = "nothing would change"
-    NO_PAST = "there are no samples before the start"
-    NO_PLATEAU = "there is no plateau before the start"
-    NO_TURN = "there is no early turning point"
-    DRIVEN = "a driven recording has no falling amplitude"
-    FEW_SWINGS = "there are too few swings"
     REFUSED = "the problem is refused"
 
 

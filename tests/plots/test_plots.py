@@ -16,11 +16,12 @@ from matplotlib.image import imread
 from matplotlib.text import Text
 from scipy import stats
 
+from fracid.arrays import extremes
 from fracid.errors import InputError, Unfinished
 from fracid.estimation.cost_plane import CostPlane
 from fracid.estimation.records import RecordingFit
 from fracid.plots import appearance, cost_plane, fitted_over_time, recording_overview, residual_plots, save
-from fracid.plots.appearance import BINS, outline
+from fracid.plots.appearance import BINS
 from fracid.plots.fitted import _fast_part
 from fracid.recording import Recording
 
@@ -244,7 +245,7 @@ def test_an_unknown_output_is_refused_with_those_there_are():
 
 @given(hnp.arrays(float, st.integers(1, 12_000), elements=st.floats(-1e3, 1e3), fill=st.floats(-1, 1)))
 def test_an_outline_keeps_ends_and_extremes_in_order(y):
-    shown = outline(y)
+    shown = extremes([y], 2 * BINS)
     assert shown[0] == 0
     assert shown[-1] == y.size - 1
     assert np.all(np.diff(shown) > 0)
@@ -255,7 +256,7 @@ def test_an_outline_keeps_ends_and_extremes_in_order(y):
 def test_an_outline_keeps_gaps_and_the_values_beside_them():
     y = np.sin(np.arange(20_000) / 100)
     y[8000:12_000] = np.nan
-    shown = outline(y)
+    shown = extremes([y], 2 * BINS)
     assert np.isnan(y[shown]).any()
     known = shown[np.isfinite(y[shown])]
     assert not np.any((known >= 8000) & (known < 12_000))

@@ -19,6 +19,8 @@ from fracid.tasks.display import shown
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from fracid.recording.guess import Columns
+
 
 @command
 def init(files: list[Path], how: How) -> None:
@@ -32,14 +34,14 @@ def init(files: list[Path], how: How) -> None:
     if target.exists() and not how.force:
         raise InputError(f"{target} is there already; give another name, --out FILE, or write over it: --force.")
     clock, rig = time_from_text(how.time, how.rate), how.rig
-    columns: dict[str, dict[str, Any]] | None = columns_from_texts(how.column)
+    columns: Columns | None = columns_from_texts(how.column)
     with shown("project"):
         from fracid.workflows.draft import chosen_model, write_draft  # here: it takes a second to import
 
         model = how.model or chosen_model(files, columns, time=clock, variable=how.variable, rig=rig)
     asks = not (how.yes or how.json_) and sys.stdin and sys.stdin.isatty()
     if asks and model == "rotary-pendulum" and columns is None:
-        columns, rig = _asked(files[0], clock, how.variable, rig)
+        columns, rig = _asked(files[0], clock, how)
     with shown("project"):
         draft = write_draft(files[0], target, columns, model=model, zero=how.zero, more=files[1:], time=clock,
                             variable=how.variable, rig=rig)  # fmt: skip
@@ -54,28 +56,26 @@ def _show(notes: Sequence[str], target: Path, console: Console) -> None:
     say_next(console, (typed("fit", target), "once you have read every line of it"))
 
 
-def _asked(
-    file: Path, clock: dict[str, Any] | None, variable: str | None, rig: str | None
-) -> tuple[dict[str, dict[str, Any]], str]:
+def _asked(file: Path, clock: dict[str, Any] | None, how: How) -> tuple[Columns, str]:
     """What a person answers."""
     from fracid.cli.check import print_check
     from fracid.models import RIGS
     from fracid.problem.draft import guess_file
     from fracid.recording import inspect_recording
 
-    recording = inspect_recording(file, time=clock, variable=variable, guess_units=True)
+    recording = inspect_recording(file, time=clock, variable=how.variable, guess_units=True)
     print_check(recording, None)
-    guess, notes = guess_file(file, time=clock, variable=variable)
+    guess, notes = guess_file(file, time=clock, variable=how.variable)
     for note in notes:
         typer.echo(printable(f"  {note}"))
-    columns: dict[str, dict[str, Any]] = {}
+    columns: Columns = {}
     for signal, what in SIGNALS.items():
         proposed = guess.get(signal)
         question = SAYS("which-column", signal=signal, what=what, none="" if signal == "alpha" else "; - for none")
         answer = typer.prompt(question, default=text_of_column(proposed) if proposed else "-")
         if answer.strip() not in ("-", ""):
             columns[signal] = column_from_text(f"{signal}={answer}")[1]
-    rig = rig or typer.prompt(f"Which rig is it most like? {', '.join(RIGS)}", default="srv02-rotpen")
+    rig = how.rig or typer.prompt(f"Which rig is it most like? {', '.join(RIGS)}", default="srv02-rotpen")
     return columns, rig
 
 

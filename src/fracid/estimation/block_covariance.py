@@ -18,8 +18,8 @@ References
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,8 +51,7 @@ Sequences = Sequence[tuple[BoolArray, float]]
 """Outputs whose scores are one sequence, shape (n_outputs,), and its bandwidth [samples]: each output is in one."""
 
 
-@dataclass(frozen=True, eq=False)
-class Bread:
+class Bread(NamedTuple):
     """A⁻¹ = D + FCF′."""
 
     inverse: FloatArray
@@ -63,8 +62,7 @@ class Bread:
     """Directions that J does not see, shape (n_unseen, n_unknowns)."""
 
 
-@dataclass(frozen=True, eq=False)
-class Equations:
+class Equations(NamedTuple):
     """The normal equations of least squares at a point, in units in which the diagonal of A is 1."""
 
     norm: FloatArray

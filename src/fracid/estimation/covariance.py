@@ -85,6 +85,7 @@ import math
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -205,8 +206,7 @@ Known = Uncertainty | Failure
 """How well the unknowns of a minimum are known, or why there is no telling."""
 
 
-@dataclass(frozen=True)
-class Sandwich:
+class Sandwich(NamedTuple):
     """The curvature of the cost and the scatter of its minimum, over some of the unknowns."""
 
     free: NDArray[np.intp]

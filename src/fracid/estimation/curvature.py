@@ -32,13 +32,14 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.errors import Failure
+from fracid.errors import Failure, FailureReason
 from fracid.estimation.block_covariance import normal_equations, scores_in, summed
 from fracid.estimation.derivatives import by_blocks, jacobian, row_weights, slopes_of
 from fracid.problem import Problem
@@ -54,8 +55,7 @@ LOWER = 1e-9
 """A cost that is lower by less than this part is lower by rounding."""
 
 
-@dataclass(frozen=True)
-class Curvature:
+class Curvature(NamedTuple):
     """The cost next to its minimum: a parabola over the unknowns that no bound holds."""
 
     free: NDArray[np.intp]
@@ -67,7 +67,7 @@ class Curvature:
 
 
 def curvature(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> Curvature | Failure:
-    """Find A⁻¹ and g of the unknowns `free`, or say why a run fails.
+    """Find A⁻¹ and g of the unknowns `free`, or say that there are none or why a run fails.
 
     Examples
     --------
@@ -81,6 +81,8 @@ def curvature(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: 
     >>> (0.951 - found.inverse @ found.gradient).round(4)               # back to 0.95
     array([0.95])
     """
+    if not len(free):
+        return Failure(FailureReason.NOTHING_FREE, "nothing is free")
     J = by_blocks(problem, x, free, jobs=jobs)
     if isinstance(J, Failure):
         return J

@@ -8,7 +8,7 @@ windows that differ from each other.  Frictions that drift together are not told
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,8 +24,7 @@ SURE = 2.0
 """A drift is said where it is so many times its 95 % half-width: of ten frictions none by chance."""
 
 
-@dataclass(frozen=True)
-class Drift:
+class Drift(NamedTuple):
     """Of one friction, in parts of its value a minute."""
 
     name: str

@@ -12,8 +12,8 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -155,8 +155,7 @@ def _blind(shape: Sandwich, at: int) -> bool:
 # --- the walk ------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Branch:
+class Branch(NamedTuple):
     """One side of a profile, from the minimum outwards, the minimum left out."""
 
     path: tuple[Evaluation, ...]

@@ -37,7 +37,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -75,8 +74,7 @@ NEARLY = 4.0
 """The same: what leaves more lacks something, beside which rounding does not matter."""
 
 
-@dataclass(frozen=True)
-class Edges:
+class Edges(NamedTuple):
     """What undithered encoders do to the scores."""
 
     tables: tuple[FloatArray, ...]

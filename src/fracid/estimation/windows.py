@@ -28,9 +28,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from statistics import median_low
+from typing import NamedTuple
 
 import numpy as np
 
@@ -117,8 +118,7 @@ def in_windows(problem: Problem) -> Problem:
     return replace(problem, experiments=windows, orders=problem.order_starts, initial_state="estimate", memo=None)
 
 
-@dataclass(frozen=True)
-class Prediction:
+class Prediction(NamedTuple):
     """For how long a simulation follows the recordings of a problem, from a start that is known to their noise."""
 
     seconds: float

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from hashlib import sha256
 from io import BytesIO
-from typing import Literal
+from typing import Literal, NamedTuple
 from uuid import UUID
 
 from fracid._version import __version__
@@ -36,8 +35,7 @@ YEAR = (1980, 1, 1, 0, 0, 0)
 """Of every file in the archive: the earliest that it can hold."""
 
 
-@dataclass(frozen=True)
-class Variable:
+class Variable(NamedTuple):
     """A variable of the description."""
 
     reference: int

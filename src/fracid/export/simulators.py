@@ -10,7 +10,7 @@ import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -67,8 +67,7 @@ class Link:
         return tuple(max(v, 1e-12) for v in self.inertia)
 
 
-@dataclass(frozen=True)
-class Rig:
+class Rig(NamedTuple):
     """An identified model as links."""
 
     model: Identified
@@ -134,9 +133,8 @@ def rig_of(model: Identified, target: str) -> Rig:
         if link.mass <= 0 or min(link.inertia) < 0:
             raise InputError(SAYS("no-body", link=link, least=min(link.inertia)))
         links.append(link)
-    shaft = rows.get("shaft")
     spring = None
-    if shaft:
+    if shaft := rows.get("shaft"):
         spring = tuple(shaft["joints"]), *(values(shaft[n]) for n in ("stiffness", "damping", "rest"))
     return Rig(model, tuple(links), spring, tuple(_lost(model, values.used, target)))
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_discrete_are
@@ -56,8 +56,7 @@ PLACES = 600
 """Frequencies at which margins are looked for."""
 
 
-@dataclass(frozen=True)
-class Posture:
+class Posture(NamedTuple):
     """Where a model rests."""
 
     name: str

@@ -126,9 +126,7 @@ def _held_still(up: LinearModel, row: int, channel: int, grows: float) -> float:
     return float(brentq(gain, 0.1 * grows, grows))
 
 
-def _needs(
-    model: Model, parameters: FloatArray, up: LinearModel, c: Conditions, rows: tuple[int, int, int]
-) -> FloatArray:
+def _needs(model: Model, p: FloatArray, up: LinearModel, c: Conditions, rows: tuple[int, int, int]) -> FloatArray:
     """What an acceleration of the pivot takes of the input at any angle and rates."""
     place, rate, own = rows
     random = np.random.default_rng(1)
@@ -140,7 +138,7 @@ def _needs(
         x = up.about.copy()
         x[place], x[rate], x[own] = x[place] + angle[k], w[k], v[k]
         u[model.inputs.index(c.input)] = inputs[k]
-        a[k] = model.derivatives(x, u, parameters)[own]
+        a[k] = model.derivatives(x, u, p)[own]
     s, co = np.sin(angle), np.cos(angle)
     terms = np.column_stack([a, co**2 * a, s * w**2, s * co, v, co * w, s * co * w * v, s * co**2 * v**2])
     return np.asarray(np.linalg.lstsq(terms, inputs - c.at_rest, rcond=None)[0])

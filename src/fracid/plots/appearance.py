@@ -22,9 +22,8 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray, extremes
+from fracid.arrays import FloatArray, Quanta, extremes
 from fracid.estimation.records import RecordingFit
 from fracid.figures import STYLES, Style, style_named
 from fracid.models import Model
@@ -271,13 +270,8 @@ def label(axes: Axes, heading: str, x: str, y: str, ticks: int | None = 6) -> No
 def line(axes: Axes, time: FloatArray, y: FloatArray, **style: Any) -> None:
     """Draw samples as a line; few as dots too."""
     dots: dict[str, Any] = {"marker": "o", "ms": 3} if y.size <= 100 else {}
-    indices = outline(y)
+    indices = extremes([y], 2 * BINS)
     axes.plot(time[indices], y[indices], **dots, **style)
-
-
-def outline(y: FloatArray) -> NDArray[np.intp]:
-    """Return indices of the samples that draw the same line: least and greatest of each bin, first and last."""
-    return extremes([y], 2 * BINS)
 
 
 def encoder_band(axes: Axes, step: float | None, unit: str = "rad", *, upright: bool = False) -> None:
@@ -303,7 +297,7 @@ def axis_unit(unit: str) -> tuple[str, float]:
     return plain(typeset_unit(display_unit)) or "–", factor
 
 
-def encoder_step(resolution: Mapping[str, float | None] | None, name: str) -> float | None:
+def encoder_step(resolution: Quanta, name: str) -> float | None:
     """The step of a signal's encoder, None where it has none or none is known."""
     step = (resolution or {}).get(name)
     return step if step is not None and 0 < step < np.inf else None

@@ -9,7 +9,7 @@ from matplotlib.artist import setp
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, Quanta
 from fracid.estimation.records import RecordingFit
 from fracid.figures import Style
 from fracid.plots.appearance import (
@@ -37,9 +37,7 @@ SWINGS = 6
 """That a close-up shows."""
 
 
-def fitted_over_time(
-    recording: RecordingFit, *, resolution: Mapping[str, float | None] | None = None, style: str | Style = "screen"
-) -> Figure:
+def fitted_over_time(recording: RecordingFit, *, resolution: Quanta = None, style: str | Style = "screen") -> Figure:
     """Draw the paper's Figure 2: measured and fitted over time, the residual in a strip below.
 
     Parameters

@@ -17,7 +17,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, Quanta
 from fracid.errors import refuse_unknown
 from fracid.estimation.records import RecordingFit
 from fracid.figures import Style
@@ -54,9 +54,8 @@ from fracid.validation.residuals import residual_analysis
 
 
 def residual_plots(
-    recording: RecordingFit, output: str, *, resolution: Mapping[str, float | None] | None = None,
-    style: str | Style = "screen",
-) -> Figure:  # fmt: skip
+    recording: RecordingFit, output: str, *, resolution: Quanta = None, style: str | Style = "screen"
+) -> Figure:
     """Draw the paper's Figure 3: what the fit leaves over, in four panels.
 
     Over time (is it bounded?), against the fitted value (does it bend?), its distribution beside the
@@ -94,13 +93,13 @@ def residual_plots(
     """
     refuse_unknown(f"output of {recording.name}", recording.measured, output)
     figure = new(9.5, 7, style)
-    return _figure_3(figure, figure.subplot_mosaic([["time", "fitted"], ["normal", "probability"]]), recording, output,
-                     step=encoder_step(resolution, output))  # fmt: skip
+    panels: dict[str, Axes] = figure.subplot_mosaic([["time", "fitted"], ["normal", "probability"]])
+    return finish(figure, _figure_3(panels, recording, output, step=encoder_step(resolution, output)))
 
 
 def residual_diagnostics(
-    recording: RecordingFit, output: str, *, resolution: Mapping[str, float | None] | None = None,
-    analysis: ResidualAnalysis | None = None, style: str | Style = "screen",
+    recording: RecordingFit, output: str, *, resolution: Quanta = None, analysis: ResidualAnalysis | None = None,
+    style: str | Style = "screen",
 ) -> Figure:  # fmt: skip
     """Draw Figure 3 with all that the tests of :func:`fracid.residual_analysis` look at, in seven panels.
 
@@ -155,13 +154,11 @@ def residual_diagnostics(
     label(panels["lags"], _of_lags(a), "lag [s]", "autocorrelation [–]", ticks=None)
     density = f"density of the power [{'1' if display_unit == '–' else f'{display_unit}²'}/Hz]"
     label(panels["spectrum"], _of_spectrum(a), "frequency [Hz]", density, ticks=None)
-    return _figure_3(figure, panels, recording, output, step=step)
+    return finish(figure, _figure_3(panels, recording, output, step=step))
 
 
-def _figure_3(
-    figure: Figure, panels: Mapping[str, Axes], recording: RecordingFit, output: str, step: float | None
-) -> Figure:
-    """Over time, against the fitted value, the distribution, the probability plot; gives the figure, finished."""
+def _figure_3(panels: Mapping[str, Axes], recording: RecordingFit, output: str, step: float | None) -> str:
+    """Over time, against the fitted value, the distribution, the probability plot; gives the heading."""
     recording = recording.of(output)
     whole, mask = recording.residual(output), np.isfinite(recording.residual(output))
     unit, (display_unit, factor) = recording.unit(output), axis_unit(recording.unit(output))
@@ -181,10 +178,10 @@ def _figure_3(
     label(panels["fitted"], "against the fitted value", value, left)
     label(panels["normal"], "distribution", left, f"density [{_per('1', display_unit)}]")
     label(panels["probability"], heading, "standard normal quantile [–]", left)
-    _blank(() if residual.size else figure.axes, "no residual: the simulation failed")
+    _blank(() if residual.size else [*panels.values()], "no residual: the simulation failed")
     use = ", validation" if recording.use == "validate" else ""
     what = f"{plain(recording.name)}{use}: residual of {symbol(output)}"
-    return finish(figure, f"{what}; {goodness(recording, output, step)}")
+    return f"{what}; {goodness(recording, output, step)}"
 
 
 def _per(over: str, under: str) -> str:

@@ -16,7 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from markupsafe import Markup
@@ -69,8 +69,7 @@ class Found:
     """Caption → rows, heading → cell."""
 
 
-@dataclass(frozen=True)
-class Study:
+class Study(NamedTuple):
     """What the page of a file is made of."""
 
     record: type[Block | Record]

@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from fracid.optimise.base import Outcome
 from fracid.report.material import Material
@@ -20,8 +19,7 @@ from fracid.validation.discretisation import COARSE_STEP
 from fracid.validation.residual_records import ResidualAnalysis
 
 
-@dataclass(frozen=True)
-class Line:
+class Line(NamedTuple):
     """One line of the verdict."""
 
     about: str

@@ -46,7 +46,7 @@ from pydantic import Field, computed_field
 
 from fracid.arrays import ByName, FloatArray, by_name
 from fracid.cards import CardDisplay
-from fracid.errors import Failure, FailureReason, InputError, at_least
+from fracid.errors import Failure, InputError, at_least
 from fracid.estimation.climbing import embedded, found_again
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, lowest_from, refined, uninterrupted
@@ -252,17 +252,17 @@ def amplitude_test(
     fits = [(problem, x, e) for e in problem.experiments]
     fits += [(p, found_again(problem, x, p, Watch(jobs)), p.experiments[0]) for p in alone]
     errors = _standard_errors(problem, x, jobs)
-    found = list[Window | Failure]()
+    found = list[Window | str]()
     for fitted, at, e in fits:
         spans = _spans(e, windows)
-        if isinstance(spans, Failure):
+        if isinstance(spans, str):
             found.append(spans)
             continue
         spans += [(0, len(e.measured))] * (len(fits) > 1)
         told = [span for span in spans if np.mean(np.any(e.scored[slice(*span)], axis=1)) >= LEAST_SCORED]
         found += [_window(fitted, at, e, span, fit_errors=errors, jobs=jobs) for span in told]
     window_fits = tuple(window for window in found if isinstance(window, Window))
-    notes = tuple(str(why) for why in found if isinstance(why, Failure))
+    notes = tuple(why for why in found if isinstance(why, str))
     return AmplitudeTest(window_fits, tuple(_drifts(window_fits)), notes)
 
 
@@ -274,10 +274,10 @@ def _standard_errors(problem: Problem, x: FloatArray, jobs: int) -> dict[str, fl
     return {} if isinstance(found, Failure) else problem.named(found.standard_error)
 
 
-def _spans(e: Experiment, windows: int) -> list[tuple[int, int]] | Failure:
+def _spans(e: Experiment, windows: int) -> list[tuple[int, int]] | str:
     """First and last + 1 sample of windows of equal length while the swing lives; or why there are none."""
     if e.driven:
-        return Failure(FailureReason.DRIVEN, f"{e.name} is driven: it has no amplitude that falls.")
+        return f"{e.name} is driven: it has no amplitude that falls."
     swing = e.measured[:, np.argmax(np.std(e.measured, axis=0))]
     period = _whole_period(swing)
     size = envelope(swing, period)
@@ -285,7 +285,7 @@ def _spans(e: Experiment, windows: int) -> list[tuple[int, int]] | Failure:
     alive = int(np.flatnonzero(size > floor)[-1]) + 1 if size.max() > floor else 0
     count = min(windows, int(alive / (SWINGS * period)))
     if count < 2:
-        return Failure(FailureReason.FEW_SWINGS, SAYS("few-swings", name=e.name, swings=SWINGS))
+        return SAYS("few-swings", name=e.name, swings=SWINGS)
     ends = np.linspace(0, alive, count + 1).round().astype(int).tolist()
     return list(pairwise(ends))
 
@@ -311,19 +311,21 @@ def _piece(problem: Problem, x: FloatArray, e: Experiment, span: tuple[int, int]
     return of(experiments=(replace(part, past=None, past_inputs=None),))
 
 
-def _window_values(
-    problem: Problem, x: FloatArray, e: Experiment, errors: ByName
-) -> tuple[dict[str, Value], dict[str, Value]]:
+Values = dict[str, Value]
+"""Name → what an order or a constant of a window is: a number, free or tied."""
+
+
+def _window_values(problem: Problem, x: FloatArray, e: Experiment, errors: ByName) -> tuple[Values, Values]:
     """Orders free; constants near their values, friction as near as the fit knows it, viscous friction at its value."""
     order_values, values, *_ = problem.unpack(x, e)
     at = by_name(problem.model.orders, order_values)
     any_free = any(isinstance(v, Free) for v in problem.orders.values())
-    orders: dict[str, Value] = {}
+    orders: Values = {}
     for name, v in problem.orders.items():
         span = v if isinstance(v, Free) else ORDER
         fixed = isinstance(v, Tied) or (any_free and not isinstance(v, Free))
         orders[name] = (v if isinstance(v, Tied) else at[name]) if fixed else _around(at[name], span)
-    parameters: dict[str, Value] = dict(zip(problem.model.parameter_names, values.tolist(), strict=True))
+    parameters: Values = dict(zip(problem.model.parameter_names, values.tolist(), strict=True))
     kinds = problem.model.friction
     # held: it and the order are one to a single swing, and an error of it moves the order of all windows alike
     viscous = {name for name, kind in kinds.items() if kind.power == 1}
@@ -345,7 +347,7 @@ def _around(value: float, span: Free) -> Free:
 
 def _window(
     problem: Problem, x: FloatArray, e: Experiment, span: tuple[int, int], fit_errors: ByName, jobs: int
-) -> Window | Failure:
+) -> Window | str:
     """The fit of one window, or that its run fails."""
     piece, times = _piece(problem, x, e, span, errors=fit_errors), e.start + e.step * np.array([span[0], span[1] - 1])
     start = piece.point(problem.named(x) if span[0] == 0 else {})  # its initial state too
@@ -357,7 +359,7 @@ def _window(
         best = min(best, lowest_from(piece, again, Watch(jobs), **SEARCH), key=lambda end: end.cost)
     if not math.isfinite(best.cost):
         window = f"{e.name}, {times[0]:.3g} … {times[1]:.3g} s"
-        return Failure(FailureReason.RUN, f"{window}: no order was found, the run fails.")
+        return f"{window}: no order was found, the run fails."
     errors = _standard_errors(piece, best.point, jobs)
     orders = {n: float(best.point[i]) for n, i in piece.free_orders.items()}
     measured, told = piece.experiments[0].measured, {n: _told_by(piece, n) for n in orders}

@@ -34,7 +34,7 @@ from functools import lru_cache
 from graphlib import TopologicalSorter
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -168,7 +168,7 @@ def compare(
     >>> compare(problem, validation=[swing(0.2)]).verdict.split(":")[0]
     'Orders make no difference, an integer-order model predicts as well'
     """
-    _made.cache_clear()
+    _fold_of.cache_clear()
     given = _Given.of(problem, validation)
     if executor != "threads" and not given.file:
         raise InputError(SAYS("in-memory", executor=executor))
@@ -254,8 +254,7 @@ def _of_file(path: str, preset: str | None, sha256: str, trust: bool) -> _Given:
     return given
 
 
-@dataclass(frozen=True)
-class _Fold:
+class _Fold(NamedTuple):
     """What is fitted and what is held out, with the ladder of it."""
 
     held_out: tuple[Experiment, ...]
@@ -279,19 +278,15 @@ class _Place:
     opened: tuple[OpenedBound, ...] = ()
     """The bounds that the fit of the project opened: they are open for every structure."""
 
-    @property
-    def fold(self) -> _Fold:
-        """A process makes it once."""
-        return _made(self)
-
     def minimum(self, name: str, values: ByName) -> tuple[Problem, FloatArray]:
         """A structure's problem, and its minimum."""
-        problem = self.fold.ladder[name].problem
+        problem = _fold_of(self).ladder[name].problem
         return problem, np.array([values[n] for n in problem.names])
 
 
 @lru_cache(maxsize=128)
-def _made(place: _Place) -> _Fold:
+def _fold_of(place: _Place) -> _Fold:
+    """A process makes it once."""
     given = place.given
     problem = reopened(given.problem, place.opened)
     every = (*problem.experiments, *given.validation)
@@ -316,7 +311,7 @@ def _fit_project(
 
     `before` has its minimum at a coarser step; a fit at this one would not know that, and may come to another.
     """
-    given, watch, opened = place.fold.ladder.given, Watch(jobs), tuple[OpenedBound, ...]()
+    given, watch, opened = _fold_of(place).ladder.given, Watch(jobs), tuple[OpenedBound, ...]()
     if given.names:
         entry = OPTIMISERS[optimiser]
         entry = _optimiser(given) if entry.keeps_its_own or given.cost_function.loss is None else entry
@@ -345,7 +340,7 @@ def _fit_structure(
     `below` has where it may start, each with all values: the minima of the structures that it holds, and the fit of the
     project.  `before` has its minimum at a coarser step, how that was found, and that step's number a sample.
     """
-    structure, others, watch = place.fold.ladder[name], place.fold.held_out, Watch(jobs)
+    structure, others, watch = _fold_of(place).ladder[name], _fold_of(place).held_out, Watch(jobs)
     problem = structure.problem
     best, outcome = (
         _fitted(structure, below, seed, starts, watch=watch) if before is None
@@ -354,7 +349,7 @@ def _fit_structure(
     values, errors = problem.named(best.point), problem.errors(best.point)
     followed = {n: (e, problem.followed(best.point, n)) for n, (e, _) in problem.recordings.items()}
     predicted = {e.name: (problem, e, errors) if isinstance(errors, Failure)
-                 else _predicted(structure, values, e, place.fold.window, jobs=jobs) for e in others}  # fmt: skip
+                 else _predicted(structure, values, e, _fold_of(place).window, jobs=jobs) for e in others}  # fmt: skip
     every = followed | {name: (e, y) for name, (_, e, y) in predicted.items()}
     curves = {n: _curves(problem, e, y, len(every)) for n, (e, y) in every.items() if not isinstance(y, Failure)}
     intervals, beyond, at_bound = dict[str, tuple[float, float]](), dict[str, float](), tuple[str, ...]()
@@ -529,7 +524,7 @@ class _Study:
         return replace(self.whole, held_out=self.folds[fold])
 
     def ladder(self, fold: str) -> Ladder:
-        return self.place(fold).fold.ladder
+        return _fold_of(self.place(fold)).ladder
 
     def fit(self, substeps: int | None = None) -> None:
         """Fit all structures, in waves; at a finer step, those that have a minimum once more, each from it."""
@@ -667,7 +662,7 @@ def _choose_step(place: _Place, name: str, values: ByName, jobs: int) -> dict[st
 
 
 def _test_amplitude(place: _Place, name: str, values: ByName, jobs: int) -> dict[str, Any]:
-    return amplitude_test(*place.minimum(name, values), others=place.fold.held_out, jobs=jobs).to_json()
+    return amplitude_test(*place.minimum(name, values), others=_fold_of(place).held_out, jobs=jobs).to_json()
 
 
 def _log_evidence(place: _Place, name: str, values: ByName, jobs: int) -> dict[str, Any]:
@@ -684,7 +679,7 @@ def _try_alternatives(
 ) -> dict[str, Any]:
     """Look for them with so much work at most, which is counted in steps, as beside a fit."""
     problem, x = place.minimum(name, values)
-    every = place.fold.ladder.structures
+    every = _fold_of(place).ladder.structures
     beside = {s.friction: starting_at(s.problem, others[s.name]) for s in every if s.name in others}
     nearest = integer_alternatives(problem, problem.evaluate(x), half, own=beside, watch=watch, **how)
     return {"alternative": None if nearest is None else as_json(Alternative, nearest)}

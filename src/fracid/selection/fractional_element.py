@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,8 +54,7 @@ SAME_DIRECTION = 1e-8
 """Directions of the Jacobian below this part of its largest singular value are none."""
 
 
-@dataclass(frozen=True)
-class Score:
+class Score(NamedTuple):
     """What a springpot would explain, to first order."""
 
     name: str

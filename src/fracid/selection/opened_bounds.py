@@ -120,14 +120,11 @@ def _stopping(problem: Problem, end: Evaluation) -> dict[str, Free]:
 
 def _is_worth_it(problem: Problem, further: Evaluation, end: Evaluation) -> bool:
     """Whether the cost is lower by strong evidence."""
-    if further.residuals is None or end.residuals is None or not further.cost < (1 - LOWER) * end.cost:
-        return False
     errors = problem.errors(further.point)
-    if isinstance(errors, Failure):
+    if isinstance(errors, Failure) or end.residuals is None or not further.cost < (1 - LOWER) * end.cost:
         return False
     n, k = effective_samples(errors, problem.scored), len(problem.names)
-    before, after = (schwarz(float(e.residuals @ e.residuals), k, n, problem.cost_function)
-                     for e in (end, further) if e.residuals is not None)  # fmt: skip
+    before, after = (schwarz(e.value, k, n, problem.cost_function) for e in (end, further))
     return before - after > STRONG
 
 

@@ -56,7 +56,7 @@ class _Library(JITCodeLibrary):  # type: ignore[misc]
     """
 
     def _optimize_functions(self, _: Any) -> None:
-        pass
+        """None is optimised alone."""
 
     def _optimize_final_module(self) -> None:
         passes, builder = self._codegen._module_pass_manager(loop_vectorize=False)
@@ -77,7 +77,7 @@ class _PartLibrary(_Library):
         return 0
 
     def _optimize_final_module(self) -> None:
-        pass
+        """It is optimised with what it is linked into."""
 
     def _finalize_final_module(self) -> None:
         self._finalize_dynamic_globals()

@@ -152,6 +152,11 @@ def in_all(builder, number, kind=_lanes):
     return builder.shuffle_vector(first, undefined, ir.Constant(places, [0] * kind.count))
 
 
+def fused(builder, x, y, z):
+    """x · y + z, rounded once where the machine can."""
+    return builder.fadd(builder.fmul(x, y, flags=("contract",)), z, flags=("contract",))
+
+
 @intrinsic
 def _load(_, array, i, k):
     """array[i, k : k + 8]."""
@@ -190,12 +195,7 @@ def _all(_, number):
 @intrinsic
 def _add(_, total, x, y):
     """total + x · y, rounded once where the machine can."""
-
-    def emit(context, builder, signature, args):
-        product = builder.fmul(args[1], args[2], flags=("contract",))
-        return builder.fadd(args[0], product, flags=("contract",))
-
-    return _eight(_eight, _eight, _eight), emit
+    return _eight(_eight, _eight, _eight), lambda c, builder, s, args: fused(builder, args[1], args[2], args[0])
 
 
 # --- denormal numbers ------------------------------------------------------------------------------

@@ -46,6 +46,7 @@ from fracid.solver.history import (
     BLOCK,
     Kernels,
     forget_mode,
+    fused,
     in_all,
     inline,
     look_ahead,
@@ -129,9 +130,7 @@ def _spread_truth(context, builder, kind, mask, value):
     return in_all(builder, builder.trunc(value, ir.IntType(1)) if value.type.width > 1 else value, TRUTHS)
 
 
-def _of_lanes(
-    function: Any, emit: Callable[..., Any], gives: types.Type = LANES, takes: Any = Lanes, n: int = 2
-) -> None:
+def _of_lanes(function: Any, emit: Any, gives: types.Type = LANES, takes: Any = Lanes, n: int = 2) -> None:
     """Have a function of n numbers take lanes, or lanes and numbers."""
 
     @infer_global(function)
@@ -173,15 +172,10 @@ def _signed(b, size, sign):
     return b.bitcast(b.or_(b.bitcast(_size(b, size), BITS), bit), VECTOR)
 
 
-def _fused(b, x, y, z):
-    """x · y + z, rounded once where the machine can."""
-    return b.fadd(b.fmul(x, y, flags=("contract",)), z, flags=("contract",))
-
-
 def _polynomial(b, x, *coefficients):
     value = _number(coefficients[0])
     for c in coefficients[1:]:
-        value = _fused(b, value, x, _number(c))
+        value = fused(b, value, x, _number(c))
     return value
 
 
@@ -194,17 +188,17 @@ TURNS = 1e5
 
 def _sine_and_cosine(b, x):
     """Cody and Waite's reduction to ±π/4, and the polynomials of Cephes."""
-    shifted = _fused(b, x, _number(2 / math.pi), _number(ROUND))
+    shifted = fused(b, x, _number(2 / math.pi), _number(ROUND))
     quarter, whole = b.bitcast(shifted, BITS), b.fsub(shifted, _number(ROUND))
-    r = _fused(b, whole, _number(-1.5707963267948966), x)
-    r = _fused(b, whole, _number(-6.123233995736766e-17), r)
+    r = fused(b, whole, _number(-1.5707963267948966), x)
+    r = fused(b, whole, _number(-6.123233995736766e-17), r)
     square = b.fmul(r, r)
     s = _polynomial(b, square, 1.58962301576546568060e-10, -2.50507477628578072866e-8, 2.75573136213857245213e-6,
                     -1.98412698295895385996e-4, 8.33333333332211858878e-3, -1.66666666666666307295e-1)  # fmt: skip
-    s = _fused(b, b.fmul(s, square), r, r)
+    s = fused(b, b.fmul(s, square), r, r)
     c = _polynomial(b, square, -1.13585365213876817300e-11, 2.08757008419747316778e-9, -2.75573141792967388112e-7,
                     2.48015872888517045348e-5, -1.38888888888730564116e-3, 4.16666666666665929218e-2)  # fmt: skip
-    c = _fused(b, c, b.fmul(square, square), _fused(b, square, _number(-0.5), _number(1.0)))
+    c = fused(b, c, b.fmul(square, square), fused(b, square, _number(-0.5), _number(1.0)))
     odd = b.icmp_unsigned("!=", b.and_(quarter, _bits(1)), _bits(0))
 
     def turned(value, count):
@@ -238,12 +232,12 @@ def _by_library(name: str, emit: Callable[..., Any]) -> Callable[..., Any]:
 def _exponential(b, x):
     """2^k · e^r with |r| ≤ ln 2 / 2; from 0 below −708 and infinite above 709.7."""
     inside = _smaller(b, _larger(b, x, _number(-708.0)), _number(709.7))
-    shifted = _fused(b, inside, _number(1 / math.log(2)), _number(ROUND))
+    shifted = fused(b, inside, _number(1 / math.log(2)), _number(ROUND))
     whole = b.fsub(shifted, _number(ROUND))
-    r = _fused(b, whole, _number(-6.93147180369123816490e-01), inside)
-    r = _fused(b, whole, _number(-1.90821492927058770002e-10), r)
+    r = fused(b, whole, _number(-6.93147180369123816490e-01), inside)
+    r = fused(b, whole, _number(-1.90821492927058770002e-10), r)
     series, square = [1 / math.factorial(k) for k in range(13, -1, -1)], b.fmul(r, r)
-    p = _fused(b, r, _polynomial(b, square, *series[::2]), _polynomial(b, square, *series[1::2]))  # odd beside even
+    p = fused(b, r, _polynomial(b, square, *series[::2]), _polynomial(b, square, *series[1::2]))  # odd beside even
     half = b.ashr(b.shl(b.bitcast(shifted, BITS), _bits(13)), _bits(14))  # k may be 1024: two factors
     rest = b.sub(b.ashr(b.shl(b.bitcast(shifted, BITS), _bits(13)), _bits(13)), half)
     for power in (half, rest):
@@ -262,7 +256,7 @@ def _hyperbolic_tangent(b, x):
     below = _polynomial(b, s, 1.0, 1.12811678491631932402e2, 2.23548839060100448583e3, 4.84406305325125486048e3)
     is_small = b.fcmp_ordered("<", size, _number(0.625))  # one division for both, which is what takes time
     ratio = b.fdiv(b.select(is_small, above, _number(2.0)), b.select(is_small, below, b.fadd(e, _number(1.0))))
-    small, large = _fused(b, b.fmul(ratio, s), size, size), b.fsub(_number(1.0), ratio)
+    small, large = fused(b, b.fmul(ratio, s), size, size), b.fsub(_number(1.0), ratio)
     value = _signed(b, b.select(is_small, small, large), x)
     return b.select(b.fcmp_unordered("uno", x, x), x, value)
 
@@ -406,7 +400,7 @@ def _enter(i, j, v, head, window, ahead, kernels):
 @intrinsic
 def _added(context, total, x, y):
     """total + x · y, as the history adds up."""
-    return LANES(LANES, LANES, LANES), lambda c, b, s, a: _fused(b, a[1], a[2], a[0])
+    return LANES(LANES, LANES, LANES), lambda c, b, s, a: fused(b, a[1], a[2], a[0])
 
 
 @inline
@@ -450,10 +444,9 @@ def step_together(rhs, run, started, room, out):
     )  # fmt: skip
     begin = Start(_together(started.known), _together(started.x0), started.together, started.knots,
                   _together(started.parabolas))  # fmt: skip
-    x, before, earlier, last_x, history_part, newest, scale, jump, entered, share = rows
     work = (
-        (_together(x), _together(before), _together(earlier), _together(last_x), _together(history_part),
-         _together(newest), _together(scale), _together(jump), _together(entered), _together(share)),
+        (_together(rows[0]), _together(rows[1]), _together(rows[2]), _together(rows[3]), _together(rows[4]),
+         _together(rows[5]), _together(rows[6]), _together(rows[7]), _together(rows[8]), _together(rows[9])),
         (_together(f[0]), _together(f[1])), now, _together(W), _together(start),
     )  # fmt: skip
     return _pi2(rhs, lanes, begin, (window, (numbers, sums), _together(ahead)), work, False, out)

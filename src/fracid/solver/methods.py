@@ -17,7 +17,7 @@ import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from fracid.safety.door import own_text
 
@@ -26,8 +26,7 @@ if TYPE_CHECKING:
     from fracid.solver.loop_arguments import Run
 
 
-@dataclass(frozen=True)
-class Exported:
+class Exported(NamedTuple):
     """What the templates of :mod:`fracid.export` must know to step alike."""
 
     words: str

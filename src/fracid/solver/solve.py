@@ -287,7 +287,8 @@ def integrate(
     By the loop of its method, or another that takes the same.
     """
     method = METHODS[options.method]
-    run = _run(equation, initial, step, steps, options=options)
+    posed = equation, initial
+    run = _run(posed, step, steps, options)
     out = _room(steps, options.every, len(initial.values))
     out[0] = initial.values
     try:
@@ -296,7 +297,7 @@ def integrate(
         forget_mode()
         raise InputError(SAYS("fails", name=name_of(equation.rhs), error=error, of=equation)) from None
     count = max(0, last) // options.every + 1
-    return _trajectory(out[:count], how, equation, initial, step=step, options=options)
+    return _trajectory(out[:count], how, posed, step, options)
 
 
 Posed = tuple[Equation, InitialCondition]
@@ -347,20 +348,18 @@ def _together(posed: Sequence[Posed], step: float, steps: int, options: Options)
         orders = np.stack([e.orders for e, _ in few], axis=-1).ravel()
         own = {lanes.COUNT * i + lane: kernel for lane, (e, _) in enumerate(few) for i, kernel in _own(e, step).items()}
         kernels = _kernels(options.memory, METHODS["pi2"].family, orders, steps, own=own)
-        runs = [_run(e, i, step, steps, options=options, kernels=kernels) for e, i in few]
+        runs = [_run(each, step, steps, options, kernels) for each in few]
         found = lanes.run_together(addresses, runs)
         if found is None:
             return None
         states += list(found)
-    return [_trajectory(x, 0, e, i, step=step, options=options) for x, (e, i) in zip(states, posed, strict=False)]
+    return [_trajectory(x, 0, each, step, options) for x, each in zip(states, posed, strict=False)]
 
 
-def _run(
-    equation: Equation, initial: InitialCondition, step: float, steps: int, options: Options,
-    kernels: Kernels | None = None,
-) -> Run:  # fmt: skip
+def _run(posed: Posed, step: float, steps: int, options: Options, kernels: Kernels | None = None) -> Run:
     """A run as the loops take it, with its own kernels where none are given."""
-    past, states, method = initial.known, len(initial.values), METHODS[options.method]
+    (equation, initial), method = posed, METHODS[options.method]
+    past, states = initial.known, len(initial.values)
     inputs, after = _at_jumps(equation, method)
     if kernels is None:
         length = steps + len(past) - 1
@@ -379,10 +378,9 @@ def _run(
     )  # fmt: skip
 
 
-def _trajectory(
-    states: FloatArray, how: int, equation: Equation, initial: InitialCondition, step: float, options: Options
-) -> Trajectory:
+def _trajectory(states: FloatArray, how: int, posed: Posed, step: float, options: Options) -> Trajectory:
     """What a loop has stored, from the start on."""
+    equation, initial = posed
     time = initial.time + np.arange(len(states), dtype=np.float64) * (step * options.every)
     return Trajectory(
         time, states, list(Outcome)[how], step, method=options.method, memory=options.memory.name,

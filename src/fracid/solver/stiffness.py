@@ -56,7 +56,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,8 +158,7 @@ def steps_a_period(eigenvalues: NDArray[np.complex128]) -> float:
     return float(2 * math.pi / max(swinging)) if swinging and max(swinging) > 0 else math.inf
 
 
-@dataclass(frozen=True)
-class TooLong:
+class TooLong(NamedTuple):
     """A step beyond what its scheme follows."""
 
     size: float
@@ -313,7 +312,8 @@ def fault_of(
     largest = _largest(spectra)
     if away or unsolved or run.outcome is Outcome.DIVERGED:
         if largest > method.sweeps:
-            return _swept_away(run, largest)
+            shorter = run.step * (0.5 * method.sweeps / largest) ** (1 / float(np.max(run.orders)))
+            return SAYS.finding("overshoots", "", largest, method.sweeps, end=run.time[-1], run=run, shorter=shorter)
         found = _runs_away(run, largest) if several and (away or not unsolved) else None
         if not unsolved or (found is not None and found.code != "blow-up"):
             return found
@@ -400,12 +400,6 @@ def _rings(run: Trajectory, largest: float) -> Finding | None:
         return None
     return SAYS.finding("ringing", "", largest, 2.0, state=state, RINGS=RINGS, percent=100 * share[state], run=run,
                         shorter=run.step / largest)  # fmt: skip
-
-
-def _swept_away(run: Trajectory, largest: float) -> Finding:
-    limit = METHODS[run.method].sweeps
-    shorter = run.step * (0.5 * limit / largest) ** (1 / float(np.max(run.orders)))
-    return SAYS.finding("overshoots", "", largest, limit, end=run.time[-1], run=run, shorter=shorter)
 
 
 def _low_order(run: Trajectory, linear: list[FloatArray], gain: FloatArray) -> Finding | None:

@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 
 from fracid.arrays import FloatArray, joined
-from fracid.errors import Failure, FailureReason
+from fracid.errors import Failure
 from fracid.estimation.covariance import LEAST_SHIFT, Known, Uncertainty, half_width
-from fracid.estimation.curvature import LOOSER, Curvature, curvature, newton_step, start_shift
+from fracid.estimation.curvature import LOOSER, curvature, newton_step, start_shift
 from fracid.estimation.derivatives import by_blocks
 from fracid.estimation.horizons import Watch, lowest_from
 from fracid.estimation.long_records import corrected, is_coarse, own_substeps
@@ -200,13 +200,6 @@ def _short_window(problem: Problem, uncertainty: Uncertainty) -> Iterator[Findin
                            enough=enough, WANTED=WANTED)  # fmt: skip
 
 
-def _parabola(problem: Problem, x: FloatArray, uncertainty: Uncertainty, jobs: int) -> Curvature | Failure:
-    """The cost next to its minimum over the unknowns that no bound holds, or why there is none."""
-    free = np.flatnonzero(~uncertainty.at_bound)
-    nothing = Failure(FailureReason.NOTHING_FREE, "nothing is free")
-    return curvature(problem, x, free, jobs=jobs) if len(free) else nothing
-
-
 def noisy_start(problem: Problem, x: FloatArray, known: Known, *, included: bool = True) -> tuple[Finding, ...]:
     """Say so where the noise of the samples that the start is taken from moves an unknown by more than its interval.
 
@@ -273,7 +266,8 @@ def with_start(problem: Problem, x: FloatArray, known: Known, *, jobs: int = 1) 
     """
     if isinstance(known, Failure) or problem.initial_state not in LOOSER:
         return known
-    parabola, noise = _parabola(problem, x, known, jobs), _noise_at_the_start(problem, x)
+    parabola = curvature(problem, x, np.flatnonzero(~known.at_bound), jobs=jobs)
+    noise = _noise_at_the_start(problem, x)
     if isinstance(parabola, Failure) or not noise:
         return known
     shift = start_shift(problem, x, parabola, noise, jobs=jobs)
@@ -330,7 +324,7 @@ def _jumps(problem: Problem, name: str) -> bool:
 
 def _stopped_short(problem: Problem, x: FloatArray, uncertainty: Uncertainty, jobs: int) -> Iterator[Finding]:
     """Whether the cost falls on along a Newton step: further than half of half an interval, or by a hundredth."""
-    parabola = _parabola(problem, x, uncertainty, jobs)
+    parabola = curvature(problem, x, np.flatnonzero(~uncertainty.at_bound), jobs=jobs)
     if isinstance(parabola, Failure):
         return
     step, cost = newton_step(problem, x, parabola)

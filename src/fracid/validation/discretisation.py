@@ -180,9 +180,8 @@ def _corrected_check(problem: Problem, x: FloatArray, known: Known, jobs: int, s
 
 
 def _judged(
-    problem: Problem, x: FloatArray, known: Known, costs: tuple[float, float, float], finer: FloatArray, *,
-    substeps: int,
-) -> Discretisation:  # fmt: skip
+    problem: Problem, x: FloatArray, known: Known, costs: tuple[float, float, float], finer: FloatArray, substeps: int
+) -> Discretisation:
     """How far the orders move from x to the minimum at half the step, and what that means."""
     at = problem.free_orders
     at |= {name: at[to] for name, to in problem.ties.items() if to in at}

@@ -386,7 +386,7 @@ class Plan:
         """Gather what the repetitions found, by the keys of the tasks."""
         each = {cell: [results[key] for own, _, key in self._keys if own == cell] for cell in self.cells}
         sizes = dict(zip(self.problem.outputs, self.how["sizes"], strict=True)) if self.how["sizes"] else None
-        cells = tuple(_cell(self.problem, self.truth, *cell, each[cell], self.unit) for cell in self.cells)
+        cells = tuple(self._cell(*cell, each[cell]) for cell in self.cells)
         p = self.problem
         return NoiseStudy(
             problem=p, model=p.model.name, truth=p.named(self.truth), method=p.method, outputs=p.outputs,
@@ -394,6 +394,18 @@ class Plan:
             cells=cells, findings=self.findings, sizes=sizes,
             repetitions={key: results[key] for _, _, key in self._keys},
         ).concluded()  # fmt: skip
+
+    def _cell(self, level: float, resolution: float, each: list[dict[str, Any]]) -> Cell:
+        good = [r for r in each if not r["failure"]]
+        decisions = [r["fractional"] for r in good if r["fractional"] is not None]
+        return Cell(
+            level, resolution, len(each), dict(Counter(r["failure"] for r in each if r["failure"])),
+            stopped_short=sum(r["cost_of_truth"] is not None and r["cost"] > r["cost_of_truth"] for r in good),
+            evaluations=float(np.mean([r["evaluations"] for r in each])),
+            fractional=sum(decisions) if decisions else None, unit=self.unit,
+            unknowns={u.name: _statistics(u.name, u.unit, float(true), good)
+                      for u, true in zip(self.problem.unknowns, self.truth, strict=True)},
+        )  # fmt: skip
 
 
 def planned(
@@ -507,20 +519,6 @@ def _called_fractional(problem: Problem, best: Evaluation, precision: Known) -> 
 
 
 # --- from repetitions to cells -----------------------------------------------------------------------
-
-
-def _cell(
-    problem: Problem, truth: FloatArray, level: float, resolution: float, each: list[dict[str, Any]], unit: str
-) -> Cell:
-    good = [r for r in each if not r["failure"]]
-    decisions = [r["fractional"] for r in good if r["fractional"] is not None]
-    return Cell(
-        level, resolution, len(each), dict(Counter(r["failure"] for r in each if r["failure"])),
-        stopped_short=sum(r["cost_of_truth"] is not None and r["cost"] > r["cost_of_truth"] for r in good),
-        evaluations=float(np.mean([r["evaluations"] for r in each])), fractional=sum(decisions) if decisions else None,
-        unknowns={u.name: _statistics(u.name, u.unit, float(true), good)
-         for u, true in zip(problem.unknowns, truth, strict=True)}, unit=unit,
-    )  # fmt: skip
 
 
 def unit_of(problem: Problem) -> str:

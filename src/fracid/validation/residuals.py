@@ -48,13 +48,12 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, Quanta
 from fracid.errors import InputError, refuse_unknown
 from fracid.estimation.records import RecordingFit
 from fracid.signals.correlation import autocorrelation, box_pierce, correlation_time, longest_stretch, power_spectrum
@@ -100,9 +99,7 @@ from fracid.validation.residual_tests import (
 )
 
 
-def residual_analysis(
-    recording: RecordingFit, output: str, resolution: Mapping[str, float | None] | None = None
-) -> ResidualAnalysis:
+def residual_analysis(recording: RecordingFit, output: str, resolution: Quanta = None) -> ResidualAnalysis:
     """Test the residual of one output, whiteness first, each result with a line of plain words.
 
     Parameters
@@ -162,7 +159,8 @@ def residual_analysis(
     level = _level(raw[part], quantum, unit, white=figures.white)
     cause = correlation_cause(figures, step, spectrum.swing, recording.use, rounding=level.rounding)
     whiteness = replace(figures, sentence=whiteness_sentence(figures, e.size, cause))
-    variance = _variance(e, fitted, speed, whiteness, unit, recording.use)
+    contrasts = _contrasts(e, fitted, speed, whiteness)
+    variance = Variance(variance_sentence(contrasts, whiteness.effective_samples, unit, recording.use), *contrasts)
     return ResidualAnalysis(
         *head, whiteness, spectrum, _normality(e, e[:: whiteness.thinning], variance, unit), variance,
         level, unit, residual_curves(e, ρ, step, whiteness.correlation_time, even=even),
@@ -230,17 +228,14 @@ def _normality(e: FloatArray, thin: FloatArray, variance: Variance, unit: str) -
 # --- constant variance -----------------------------------------------------------------------------
 
 
-def _variance(
-    e: FloatArray, fitted: FloatArray, speed: FloatArray, whiteness: Whiteness, unit: str, use: str
-) -> Variance:
+def _contrasts(e: FloatArray, fitted: FloatArray, speed: FloatArray, whiteness: Whiteness) -> tuple[Contrast, ...]:
     by = (np.arange(e.size, dtype=np.float64), np.abs(fitted - fitted.mean()), np.abs(speed))
     ratios, few = [spread_ratio(e, z) for z in by], e[:: whiteness.thinning]
     if is_testable(few):
         p = [mann_whitney(few), *(breusch_pagan(few, z[:: whiteness.thinning]) for z in by[1:])]
     else:
         p = [fisher(ratio, whiteness.effective_samples / 3) for ratio in ratios]
-    contrasts = tuple(Contrast(*pair) for pair in zip(ratios, p, strict=True))
-    return Variance(variance_sentence(contrasts, whiteness.effective_samples, unit, use), *contrasts)
+    return tuple(Contrast(*pair) for pair in zip(ratios, p, strict=True))
 
 
 # --- level -----------------------------------------------------------------------------------------

@@ -42,7 +42,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -92,8 +93,7 @@ NOTHING = 1e-6
 """What is left over [rad], below which it is arithmetic."""
 
 
-@dataclass(frozen=True)
-class Misreading:
+class Misreading(NamedTuple):
     """One fault, its size, and what it would do."""
 
     code: str

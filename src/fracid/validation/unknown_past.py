@@ -247,14 +247,9 @@ def cut_check(
     treatments, left_out = dict[str, Treatment](), dict[str, str]()
     for name, treatment in TREATMENTS.items():
         try:
-            other = treatment(problem, records)
-            result = other if isinstance(other, Failure) else _refitted(name, problem, x, other, jobs, budget=budget)
-        except InputError as error:  # a problem that cannot be: a past, where not every angle was recorded
-            result = Failure(FailureReason.REFUSED, str(error))
-        if isinstance(result, Failure):
-            left_out[name] = str(result)
-        else:
-            treatments |= result
+            treatments |= _refit(name, problem, x, treatment(problem, records), jobs, budget=budget)
+        except InputError as error:  # also of a problem that cannot be: a past, where not every angle was recorded
+            left_out[name] = str(error)
     half = {n: half_of(known.interval(x, i)) or None if isinstance(known, Uncertainty) else None
             for n, i in problem.free_orders.items()}  # fmt: skip
     return CutCheck(AsFitted(_orders(problem, x), problem.cost(x), problem.levels(x)), half, treatments, left_out)
@@ -317,61 +312,60 @@ Records = Mapping[str, Experiment]
 """Recording → all that is known of it, from its first sample on, beginning with the past."""
 
 
-def _with_past(problem: Problem, records: Records) -> Problem | Failure:
+def _with_past(problem: Problem, records: Records) -> Problem:
     if problem.initial_state not in ("estimate", "measured"):
-        return Failure(FailureReason.AT_REST, "the fit starts at rest")
+        raise InputError("the fit starts at rest")
     if all(e.past is not None for e in problem.experiments):
-        return Failure(FailureReason.UNCHANGED, "as fitted")
+        raise InputError("as fitted")
     changed = {e.name: _onwards(records[e.name], e, 0) for e in problem.experiments
                if e.past is None and records[e.name].start < e.start}  # fmt: skip
-    none = Failure(FailureReason.NO_PAST, "there are no samples before the start")
-    return _changed(problem, changed, "estimate", none)
+    return _changed(problem, changed, "estimate", "there are no samples before the start")
 
 
-def _without_past(problem: Problem, _records: Records) -> Problem | Failure:
+def _without_past(problem: Problem, _records: Records) -> Problem:
     changed = {e.name: replace(e, past=None, past_inputs=None) for e in problem.experiments if e.past is not None}
-    return _changed(problem, changed, "estimate", Failure(FailureReason.UNCHANGED, "the fit has none"))
+    return _changed(problem, changed, "estimate", "the fit has none")
 
 
-def _from_plateau(problem: Problem, records: Records) -> Problem | Failure:
+def _from_plateau(problem: Problem, records: Records) -> Problem:
     if problem.initial_state not in ("estimate", "measured"):
-        return Failure(FailureReason.AT_REST, "the fit starts at rest")
+        raise InputError("the fit starts at rest")
     changed = []
     for e in problem.experiments:
         if records[e.name].start == e.start:
-            return Failure(FailureReason.NO_PAST, f"there are no samples before the start of {e.name}")
+            raise InputError(f"there are no samples before the start of {e.name}")
         release = release_in_past(_onwards(records[e.name], e, 0))
         if release * e.step < HELD:
-            return Failure(FailureReason.NO_PLATEAU, f"no plateau was found before the start of {e.name}")
+            raise InputError(f"no plateau was found before the start of {e.name}")
         begun = _from(records[e.name], release)
         changed.append(replace(begun, weight=e.weight, release_time=Free(0.0, -RELEASED, RELEASED)))
     return replace(problem, experiments=tuple(changed), initial_state="rest")
 
 
-def _cut_later(problem: Problem, records: Records) -> Problem | Failure:
+def _cut_later(problem: Problem, records: Records) -> Problem:
     at_rest, changed = problem.initial_state in ("rest", "held"), {}
     for e in problem.experiments:
         k = _turning_point(e)
         if k is not None:
             knows = e.past is not None or at_rest
             changed[e.name] = _onwards(records[e.name], e, k) if knows else _from(e, k)
-    none = Failure(FailureReason.NO_TURN, f"no turning point was found in the first {EARLY:.0%} of the record")
+    none = f"no turning point was found in the first {EARLY:.0%} of the record"
     return _changed(problem, changed, "estimate" if at_rest else problem.initial_state, none)
 
 
-TREATMENTS: Mapping[str, Callable[[Problem, Records], Problem | Failure]] = {
+TREATMENTS: Mapping[str, Callable[[Problem, Records], Problem]] = {
     "with the past": _with_past,
     "without the past": _without_past,
     "from the plateau": _from_plateau,
     "cut later": _cut_later,
 }
-"""Name → the problem that it makes of another, or why it makes none."""
+"""Name → the problem that it makes of another, or InputError, why it makes none."""
 
 
-def _changed(problem: Problem, changed: Records, initial_state: Any, otherwise: Failure) -> Problem | Failure:
-    """The problem with some of its recordings changed; where none is, why."""
+def _changed(problem: Problem, changed: Records, initial_state: Any, otherwise: str) -> Problem:
+    """The problem with some of its recordings changed; where none is, an error that says why."""
     if not changed:
-        return otherwise
+        raise InputError(otherwise)
     experiments = tuple(changed.get(e.name, e) for e in problem.experiments)
     return replace(problem, experiments=experiments, initial_state=initial_state)
 
@@ -420,15 +414,13 @@ def _onwards(whole: Experiment, e: Experiment, k: int) -> Experiment:
 # --- the refit -------------------------------------------------------------------------------------------------
 
 
-def _refitted(
-    name: str, problem: Problem, x: FloatArray, other: Problem, jobs: int, budget: int
-) -> dict[str, Treatment] | Failure:
+def _refit(name: str, problem: Problem, x: FloatArray, other: Problem, jobs: int, budget: int) -> dict[str, Treatment]:
     """The treatment by its full name."""
     begun = _carried(problem, x, other)
     result = uninterrupted(refined(other, begun, Watch(jobs), tolerance=1e-5, budget=budget))
     best = result.best
     if not math.isfinite(best.cost):
-        return Failure(FailureReason.RUN, f"no run reached its end: {best.reason}")
+        raise InputError(f"no run reached its end: {best.reason}")
     later = max(o.start - e.start for e, o in zip(problem.experiments, other.experiments, strict=True))
     orders, before = _orders(other, best.point), _orders(problem, x)
     label = f"{name} by {later:.2g} s" if later > 0 else name
