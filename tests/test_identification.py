@@ -217,7 +217,7 @@ def test_a_users_cost_is_minimised_without_residuals():
     assert fit.orders["mu"].value == pytest.approx(0.95, abs=1e-4)
     assert fit.orders["mu"].interval95 is None
     assert fit.discretisation.shift == {}
-    assert "There are no intervals: the cost worst is a user's own" in fit.warnings[0]
+    assert "There are no intervals: worst is a user's own cost, of unknown loss" in fit.warnings[0]
 
 
 # --- threads, seeds, logs -----------------------------------------------------------------------------
