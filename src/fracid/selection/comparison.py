@@ -100,6 +100,9 @@ _cost = attrgetter("cost")
 WARM = 15
 """Steps of least squares from the optimum of a structure below, before it is known to be the best start."""
 
+FAR = 60
+"""The same from where friction comes in, whose shape may be off by ten there."""
+
 
 @counted("fits")
 def compare(
@@ -396,7 +399,7 @@ def _fitted(structure: Structure, below: Below, seed: int, starts: int, watch: W
     if structure.given and GIVEN in below:  # its own search is that
         pass
     elif late_rungs(problem) and problem.cost_function.loss is not None and set(below) - {GIVEN}:
-        begun += _climbed(structure, min(begun, key=lambda end: _cost(end[0])), watch)
+        begun += _climbed(structure, below, watch)
     else:
         result, _ = search(problem, _optimiser(problem), np.random.default_rng(seed), starts=starts, watch=watch)
         lowest = min((end.cost for end, _ in begun), default=math.inf)
@@ -431,10 +434,10 @@ def _refitted(
     return min((near, how), _fitted(structure, below, seed, starts, watch=watch), key=lambda end: _cost(end[0]))
 
 
-def _climbed(structure: Structure, below: tuple[Evaluation, str], watch: Watch) -> Iterator[tuple[Evaluation, str]]:
+def _climbed(structure: Structure, below: Below, watch: Watch) -> Iterator[tuple[Evaluation, str]]:
     """What a structure with rich friction comes to by windows, as a fit does; or from what it has beside that.
 
-    And from the lowest that a structure `below` leads to, with what comes in at each of its entries.
+    And from the lowest of the structures below, with what comes in at each of its entries.
     """
     problem, late, last = structure.problem, late_rungs(structure.problem), structure.friction.rpartition(" + ")[2]
     if last not in late:
@@ -444,10 +447,11 @@ def _climbed(structure: Structure, below: tuple[Evaluation, str], watch: Watch) 
         yield _lower(problem, x, "from the simpler structure", watch, budget=WARM)
     elif not structure.fractional:
         yield by_windows(problem, watch, budget=WARM).best, "by windows"
+        lowest = min((structure.embed(values) for values in below.values()), key=problem.cost)
         for entry in entries(problem, late[last]):
-            x = embedded(problem, problem.named(below[0].point) | entry)
-            x = found_again(problem, x, problem, watch)
-            yield _lower(problem, x, f"{below[1]}, with {last}", watch, budget=WARM)
+            x = embedded(problem, problem.named(lowest) | entry)
+            for begin in (x, found_again(problem, x, problem, watch)):
+                yield _lower(problem, begin, f"from the structures below, with {last}", watch, budget=FAR)
 
 
 def _descended(problem: Problem, x: FloatArray, watch: Watch, **options: Any) -> Evaluation:
