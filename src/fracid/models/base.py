@@ -654,7 +654,8 @@ class Model(CardDisplay):
         """
         x = np.zeros(len(self.states))
         index = {**self.output_states, **{name: i for i, name in enumerate(self.states)}}
-        for name, value in self.with_followers(states).items():
+        followers = {name: states[other] for name, other in self.follows.items() if other in states}
+        for name, value in {**followers, **states}.items():
             if name not in index:
                 raise unknown_name(f"{self.name} state", name, self.states)
             if not is_number(value) or not math.isfinite(value):
@@ -675,17 +676,6 @@ class Model(CardDisplay):
         np.float64(2.0)
         """
         return computed(getattr(self.rhs, "py_func", self.rhs), x, u, p, count=len(x) * (1 + bool(self.relaxing)))
-
-    def with_followers(self, states: Mapping[str, float]) -> dict[str, float]:
-        """States by name, with those that begin where another does.
-
-        Examples
-        --------
-        >>> from fracid.models import rotary_pendulum
-        >>> rotary_pendulum(arm_stiffness=9.0).with_followers({"theta": 0.2})
-        {'arm': 0.2, 'theta': 0.2}
-        """
-        return {name: states[other] for name, other in self.follows.items() if other in states} | dict(states)
 
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """Draw the model, with zeros and positive senses of its outputs: :func:`fracid.plots.rig_drawing`.
