@@ -305,13 +305,11 @@ def _sniff(lines: _Lines) -> tuple[Dialect, int]:
         if max(map(len, rows), default=0) > MOST_COLUMNS:
             raise DataError(SAYS("wide-line", lines=lines, cells=max(map(len, rows)), MOST_COLUMNS=MOST_COLUMNS))
         counts = Counter(len(c) for c in rows if any(map(dialect.is_number, c)) and not _text_cells(dialect, c))
-        if not counts:
-            continue
-        width, hits = counts.most_common(1)[0]
-        first = (dialect.split(line) for line in lines.sample[:5])
-        titled = any(len(cells) == width and len(_text_cells(dialect, cells)) == width for cells in first)
-        if (hits, titled) > best_score:
-            best, best_score = (dialect, width), (hits, titled)
+        for width, hits in counts.most_common(1):
+            first = (dialect.split(line) for line in lines.sample[:5])
+            titled = any(len(cells) == width and len(_text_cells(dialect, cells)) == width for cells in first)
+            if (hits, titled) > best_score:
+                best, best_score = (dialect, width), (hits, titled)
     return best
 
 
