@@ -49,6 +49,7 @@ array([0.95, 0.95])
 from __future__ import annotations
 
 import math
+from collections import namedtuple
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import InitVar, dataclass, field, replace
@@ -181,22 +182,11 @@ class FadingState:
     """Behind the states that are simulated: what each relaxation holds at the start."""
 
 
-@dataclass(frozen=True)
-class Angle:
-    """What models that were written before :attr:`Model.pendulum` say of an output that is an angle."""
+Angle = namedtuple("Angle", ("rest", "of_zero"), defaults=("", False))
+"""What models that were written before :attr:`Model.pendulum` say of an angle: whether it is the pendulum's."""
 
-    rest: str = ""
-    of_zero: bool = False
-    """Whether it is the pendulum's."""
-
-
-@dataclass(frozen=True)
-class Written:
-    """What such models give as equations and code; both are made of the right-hand side."""
-
-    of: object
-    equations: object = None
-    code: object = None
+Written = namedtuple("Written", ("of", "equations", "code"), defaults=(None, None))
+"""What such models give as equations and code; both are made of the right-hand side."""
 
 
 @dataclass(frozen=True, repr=False)
