@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cache
+from functools import cached_property
 from typing import Any
 
 from fracid.safety.door import own_text
@@ -28,19 +28,14 @@ class Sentences:
 
     file: str
 
-    @property
+    @cached_property
     def table(self) -> dict[str, Any]:
-        """The content of the file, read once for all who say it."""
-        return _content(self.file)
+        """The content of the file, read when it is first said."""
+        return tomllib.loads(own_text(self.file))
 
     def __call__(self, code: str, /, **values: object) -> Note:
         """A sentence with these values."""
         return Note(str(self.table[code]).format(**values), code)
-
-
-@cache
-def _content(file: str) -> dict[str, Any]:
-    return tomllib.loads(own_text(file))
 
 
 class Note(str):

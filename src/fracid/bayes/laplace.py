@@ -218,9 +218,8 @@ class _Round:
             weights = np.exp(power * ratios)
             weights /= np.sum(weights)
             if 1 / np.sum(weights**2) >= min(enough, 0.5 * len(points)):
-                break
+                return replace(shape, mean=weights @ points, covariance=weighted_covariance(points, weights))
             power *= 0.7
-        return replace(shape, mean=weights @ points, covariance=weighted_covariance(points, weights))
 
     def sample(self, simulations: int) -> WeightedDraws:
         """All draws that count, with their smoothed weights."""

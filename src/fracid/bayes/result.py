@@ -182,9 +182,7 @@ class Posterior(CardDisplay, WeightedDraws):
     def _card(self) -> Card:
         texts = (estimate_text(n, self.quantile(n, 0.5), self.interval(n), u.unit)
                  for n, u in zip(self.names, self.problem.unknowns, strict=True))  # fmt: skip
-        evidence = "none: a parameter has no bounds" if math.isnan(self.log_evidence) else (
-            f"{self.log_evidence:.2f} ± {self.evidence_error:.2g} nats, relative to the greatest likelihood"
-        )  # fmt: skip
+        evidence = "none: a parameter has no bounds" if math.isnan(self.log_evidence) else SAYS("evidence", drawn=self)
         return Card(f"Posterior of {self.problem.model.name}, {len(self.names)} free parameters", (
             ("method", METHODS[self.method]),
             ("verdict", self.sentence),

@@ -305,9 +305,8 @@ def expected_curves(plan: Plan) -> tuple[Expected, ...]:
         variance = np.einsum("toi,ij,toj->to", J[0], part, J[0])
         half = NORMAL_95 * np.sqrt(np.maximum(variance, 0.0))
         u = None if c.voltage is None else subject.space.applied(c.voltage, np.arange(c.samples) / c.rate)
-        names = problem.outputs
-        curves.append(Expected(c, problem.experiments[0].time, dict(zip(names, outputs.T, strict=True)),
-                               dict(zip(names, half.T, strict=True)), voltage=u))  # fmt: skip
+        middle, halves = (dict(zip(problem.outputs, y.T, strict=True)) for y in (outputs, half))
+        curves.append(Expected(c, problem.experiments[0].time, middle, halves, voltage=u))
     return tuple(curves)
 
 

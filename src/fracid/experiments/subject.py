@@ -356,10 +356,8 @@ def subject_of_model(model: Model, space: DesignSpace, *, free: Sequence[str], o
     counts = (COUNTS if model.angles else 0.0) if space.counts is None else space.counts
     step = 2 * math.pi / counts if counts else 0.0
     noise = QUIET * step if space.noise is None else space.noise
-    if space.counts is None and step == 0.0 and noise == 0.0:
-        raise InputError(SAYS("no-noise", model=model))
     if step == 0.0 and noise == 0.0:
-        raise InputError("counts = 0 and noise = 0: without any noise every experiment is perfect; give one of them.")
+        raise InputError(SAYS("no-noise" if space.counts is None else "perfect", model=model))
     count, finest = len(problem.names), FINE if model.angles else math.inf
     nothing = Information(np.zeros((count, count)), np.zeros((count, count)))
     return Subject(

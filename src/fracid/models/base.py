@@ -49,6 +49,7 @@ array([0.95, 0.95])
 from __future__ import annotations
 
 import math
+from collections import namedtuple
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import InitVar, dataclass, field, replace
@@ -181,22 +182,11 @@ class FadingState:
     """Behind the states that are simulated: what each relaxation holds at the start."""
 
 
-@dataclass(frozen=True)
-class Angle:
-    """What models that were written before :attr:`Model.pendulum` say of an output that is an angle."""
+Angle = namedtuple("Angle", ("rest", "of_zero"), defaults=("", False))
+"""What models that were written before :attr:`Model.pendulum` say of an angle: whether it is the pendulum's."""
 
-    rest: str = ""
-    of_zero: bool = False
-    """Whether it is the pendulum's."""
-
-
-@dataclass(frozen=True)
-class Written:
-    """What such models give as equations and code; both are made of the right-hand side."""
-
-    of: object
-    equations: object = None
-    code: object = None
+Written = namedtuple("Written", ("of", "equations", "code"), defaults=(None, None))
+"""What such models give as equations and code; both are made of the right-hand side."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -654,7 +644,8 @@ class Model(CardDisplay):
         """
         x = np.zeros(len(self.states))
         index = {**self.output_states, **{name: i for i, name in enumerate(self.states)}}
-        for name, value in self.with_followers(states).items():
+        followers = {name: states[other] for name, other in self.follows.items() if other in states}
+        for name, value in {**followers, **states}.items():
             if name not in index:
                 raise unknown_name(f"{self.name} state", name, self.states)
             if not is_number(value) or not math.isfinite(value):
@@ -675,17 +666,6 @@ class Model(CardDisplay):
         np.float64(2.0)
         """
         return computed(getattr(self.rhs, "py_func", self.rhs), x, u, p, count=len(x) * (1 + bool(self.relaxing)))
-
-    def with_followers(self, states: Mapping[str, float]) -> dict[str, float]:
-        """States by name, with those that begin where another does.
-
-        Examples
-        --------
-        >>> from fracid.models import rotary_pendulum
-        >>> rotary_pendulum(arm_stiffness=9.0).with_followers({"theta": 0.2})
-        {'arm': 0.2, 'theta': 0.2}
-        """
-        return {name: states[other] for name, other in self.follows.items() if other in states} | dict(states)
 
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """Draw the model, with zeros and positive senses of its outputs: :func:`fracid.plots.rig_drawing`.

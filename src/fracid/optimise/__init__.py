@@ -34,8 +34,7 @@ from fracid.optimise.nelder_mead import nelder_mead as nelder_mead
 def _collected() -> dict[str, Entry]:
     """What the files of this folder offer."""
     files = [import_module(f"{__name__}.{file.name}") for file in pkgutil.iter_modules(__path__)]
-    entries: list[Entry] = [file.OPTIMISER for file in files if hasattr(file, "OPTIMISER")]
-    return {entry.name: entry for entry in entries}
+    return {file.OPTIMISER.name: file.OPTIMISER for file in files if hasattr(file, "OPTIMISER")}
 
 
 OPTIMISERS = _collected()

@@ -110,6 +110,7 @@ def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tupl
     if not stamps.size:
         raise DataError(f"{table.source}: the time column {table.names[column]!r} is blank throughout.")
     name, unsaid = short_text(table.names[column]), header and "unit" not in spec
+    far = abs(stamps[0]) > CLOCK_STAMP and "zero" not in spec
     said = (
         (unit not in (spec.get("unit"), header, "s"), Note(SAYS("date", first=ticks[rows][0], unit=unit), "clock")),
         (guessed, Note(f"Time is taken from {table.names[column]!r} [{unit}].", "clock")),
@@ -117,15 +118,12 @@ def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tupl
         (unsaid and not table.units[column], Note(f"Time is in {header}, as its name {name!r} says.", "clock")),
         (again, f"{name!r} {again}: the clock is continued."),
         (not rows.all(), f"{(~rows).sum()} of {rows.size} rows have no time stamp and were left out."),
+        (far, Note(f"Time is counted from the first stamp, {stamps[0]:.6f} s.", "clock")),
     )
-    sentences = [sentence for holds, sentence in said if holds]
-    if "zero" in spec:
-        stamps = stamps - stamps[0]
-    if abs(stamps[0]) > CLOCK_STAMP:
-        sentences.append(Note(f"Time is counted from the first stamp, {stamps[0]:.6f} s.", "clock"))
+    if far or "zero" in spec:
         stamps = stamps - stamps[0]
     _refuse_no_clock(stamps, table)
-    return stamps, rows, _Said(column, tuple(sentences))
+    return stamps, rows, _Said(column, tuple(sentence for holds, sentence in said if holds))
 
 
 def time_column(table: Table, time: Mapping[str, Any] | int | str | None) -> str | None:

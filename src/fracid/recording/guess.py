@@ -22,6 +22,7 @@ import math
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -135,13 +136,10 @@ def guessed_units(recording: Recording, *, named: bool) -> dict[str, Fields]:
     >>> guessed_units(Recording.of("log", t, {"alpha": 30 * np.cos(6 * t)}), named=True)["alpha"][0]
     {'unit': 'deg'}
     """
-    if named:
-        roles = {n: n for n in NAMES if n in recording.signals}
-    else:
-        try:
+    roles = {n: n for n in NAMES if n in recording.signals} if named else {}
+    if not named:
+        with suppress(InputError):  # nothing moves
             roles = _roles(recording)
-        except InputError:  # nothing moves
-            return {}
     units = _with_units(recording, roles).values()
     return {n: (fields, why) for n, fields, why in units if n in recording.assumed or "fill" in fields}
 

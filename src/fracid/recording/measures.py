@@ -87,17 +87,17 @@ class SignalReport:
     maximum: float
     missing: tuple[float, ...]
     """Times of the samples that are NaN or infinite [s]."""
-    resolution: float | None
+    resolution: float | None = None
     """Spacing of the lattice on which the values lie; None where there is none, or one that noise buries."""
-    counts_per_turn: int | None
+    counts_per_turn: int | None = None
     """2π/resolution, to the nearest number that encoders have (within 2 %), or a whole number; else None."""
-    noise: float
+    noise: float = math.nan
     """Standard deviation of what is not motion, quantisation included."""
-    rest: float
+    rest: float = math.nan
     """Mean of the tail: the last 5 % of the samples."""
-    at_rest: bool
+    at_rest: bool = False
     """Whether the tail is still."""
-    rest_offset: float | None
+    rest_offset: float | None = None
     """Rest value less the nearest multiple of π; None unless an angle at rest."""
 
     @property
@@ -154,8 +154,7 @@ def measure_signal(name: str, unit: str, time: FloatArray, signal: FloatArray, s
     missing = tuple(map(float, time[~np.isfinite(signal)]))
     x = sound[np.isfinite(sound)]
     if x.size < 2:
-        return SignalReport(name, unit, math.nan, math.nan, missing=missing, resolution=None, counts_per_turn=None,
-                            noise=math.nan, rest=math.nan, at_rest=False, rest_offset=None)  # fmt: skip
+        return SignalReport(name, unit, math.nan, math.nan, missing)
     q = encoder_lattice(x)
     rest, _, at_rest = tail(x)
     return SignalReport(

@@ -160,12 +160,10 @@ class Report:
         jitter = f"jitter {100 * c.worst_jitter:.2g} %" if c.worst_jitter > UNIFORM and not self.uneven else ""
         gaps = f"{len(c.gaps)} gap{'s' * (len(c.gaps) > 1)}" if c.gaps and not self.uneven else ""
         few = "few samples" if c.samples < FEW else ""
-        findings = dict.fromkeys(
-            f"{f.where} {SHORTLY.get(f.code, f.code.replace('-', ' '))}".strip() for f in self.findings
-        )
+        found = (f"{f.where} {SHORTLY.get(f.code, f.code.replace('-', ' '))}".strip() for f in self.findings)
         missing = sum(len(s.missing) for s in self.signals)
         blanks = f"{missing} missing value{'s' * (missing > 1)}" if missing else ""
-        against = ["resampled"] if self.resampled else filter(None, (few, jitter, gaps, blanks, *findings))
+        against = ["resampled"] if self.resampled else filter(None, (few, jitter, gaps, blanks, *dict.fromkeys(found)))
         at = "of uneven steps" if self.uneven else f"at {c.rate:.5g} Hz"
         length = f"{c.samples} samples, {c.duration:.2f} s {at}"
         return f"{self.level}: {', '.join(filter(None, (length, released, end)))}; {', '.join(against)}".rstrip("; ")

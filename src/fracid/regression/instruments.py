@@ -28,11 +28,9 @@ def instruments_of(data: Data, of: Scaled, orders: ByName) -> tuple[Blocks | Non
     """Instruments from the first start that leads to a response like the measured one; None if none does."""
     for start in ("tls", "huber", "model"):
         v = data.own[list(of.gauge.free)] if start == "model" else solve(start, of)[0]
-        instruments, rescaled = _iterated(data, of, orders, v)
-        if instruments is None:
-            continue
-        if min(_likeness(Z, W) for Z, W in zip(instruments, of.system.W, strict=True) if len(W)) >= ALIKE:
-            return instruments, rescaled
+        found, rescaled = _iterated(data, of, orders, v)
+        if found and min(_likeness(Z, W) for Z, W in zip(found, of.system.W, strict=True) if len(W)) >= ALIKE:
+            return found, rescaled
     return None, of
 
 

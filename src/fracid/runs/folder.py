@@ -195,10 +195,9 @@ def cut_short(folder: Path, options: FitOptions, inputs: Mapping[str, str]) -> b
     >>> cut_short(folder, FitOptions("rig.toml", seed=3), {}), cut_short(folder, FitOptions("rig.toml", seed=4), {})
     (True, False)
     """
-    now = RunState(options, dict(inputs))
     with suppress(InputError):
         before = run_state(folder)
-        return _same(before, now) and (before.inputs, before.finished) == (now.inputs, now.finished)
+        return _same(before.options, options) and before.inputs == inputs and not before.finished
     return False
 
 
@@ -227,9 +226,9 @@ def _has_digest(path: Path, digest: str | None) -> bool:
     return text is not None and sha256(text.encode()).hexdigest() == digest
 
 
-def _same(before: RunState, now: RunState) -> bool:
+def _same(before: FitOptions, now: FitOptions) -> bool:
     """Whether two ask for the same, wherever the project lies: what it says is among the inputs."""
-    return replace(before.options, project="") == replace(now.options, project="")
+    return replace(before, project="") == replace(now, project="")
 
 
 def refuse_used(folder: Path) -> None:
@@ -290,7 +289,7 @@ def inputs_of(project: Project) -> dict[str, str]:
 
 def _refuse_another(folder: Path, before: RunState, now: RunState) -> None:
     """Go on with the same alone."""
-    if not _same(before, now):
+    if not _same(before.options, now.options):
         raise InputError(f"{folder} holds another run, with {vars(before.options)}.")
     for what in {**before.inputs, **now.inputs}:
         if before.inputs.get(what) != now.inputs.get(what):

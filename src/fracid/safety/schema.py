@@ -41,6 +41,7 @@ from pydantic import (
     ConfigDict,
     Field,
     GetCoreSchemaHandler,
+    GetPydanticSchema,
     PlainSerializer,
     TypeAdapter,
     ValidationError,
@@ -90,14 +91,7 @@ Listed = Annotated[tuple[T, ...], Field(strict=False)]
 """A tuple, which is a list in JSON."""
 
 
-class _Anything:
-    """Any object: nothing of it is read or written."""
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return any_schema()
-
-
-Beside = Annotated[T, _Anything(), Field(exclude=True), SkipJsonSchema()]
+Beside = Annotated[T, GetPydanticSchema(lambda _source, _handler: any_schema()), Field(exclude=True), SkipJsonSchema()]
 """What a record has beside the content of its file."""
 
 UNREAD: Any = None

@@ -24,7 +24,6 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -321,8 +320,8 @@ def release_time(time: FloatArray, signal: FloatArray) -> tuple[float | None, st
     if np.count_nonzero(finite) < 10 or np.ptp(signal[finite]) == 0:
         return None, "nothing moves"
     t, x = time, np.interp(time, time[finite], signal[finite])  # smoothing would take a gap for a jump
-    speed, level, noise = _speed(t, x)
-    scatter = SURE * noise.speed
+    speed, level, of_speed, of_level = _speed(t, x)
+    scatter = SURE * of_speed
     if scatter > NOISY * speed.max():
         return None, "its noise hides whether the pendulum is held before its fastest motion"
     fastest = int(np.argmax(speed >= 0.95 * speed.max() - scatter))  # the first, should many be alike
@@ -332,7 +331,7 @@ def release_time(time: FloatArray, signal: FloatArray) -> tuple[float | None, st
         return None, mid_swing
     last = int(slow[-1])
     travel, quarter = abs(level[fastest] - level[last]), t[fastest] - t[last]
-    away = np.abs(level[:last] - level[last]) > max(0.05 * travel, CLEAR * noise.level)
+    away = np.abs(level[:last] - level[last]) > max(0.05 * travel, CLEAR * of_level)
     begin = int(np.max(np.flatnonzero(away), initial=-1)) + 1
     release = last if level is x else _fall_begins(t, level, slice(begin, last + 1), fastest)
     duration = float(min(t[last], t[release]) - t[begin])
@@ -404,17 +403,9 @@ def _fall_begins(t: FloatArray, level: FloatArray, plateau: slice, fastest: int)
     return int(max(plateau.start, min(fastest, np.searchsorted(t, moment) - 1)))
 
 
-class _Noise(NamedTuple):
-    """What noise leaves of a smoothed signal."""
-
-    speed: float
-    """Standard deviation of its speed."""
-    level: float
-    """And of itself."""
-
-
-def _speed(t: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray, _Noise]:
-    """The speed of a signal, and that: by differences over 20 ms, or smoothed until noise is small.
+def _speed(t: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray, float, float]:
+    """The speed of a signal, and that: by differences over 20 ms, or smoothed until noise is small; of either the
+    standard deviation of the noise that is left.
 
     Smoothed are both ends of the difference, each by as many samples as they are from the middle; that alters neither
     the shape of a swing nor where it is slow, as long as it is a part of one.
@@ -424,15 +415,15 @@ def _speed(t: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray, _Noise
     widest = (x.size - 1) // 2
     w = min(max(1, round(min(0.01 / step, x.size))), widest)
     noise, level = noise_floor(x), x
-    speed, left = _difference(t, x, w), _Noise(noise / (math.sqrt(2) * w * step), noise)
+    speed, of_speed, of_level = _difference(t, x, w), noise / (math.sqrt(2) * w * step), noise
     m = 1
-    while m < widest and SURE * left.speed > 0.05 * speed.max() and 2 * m * step * speed.max() < 0.5 * np.ptp(level):
+    while m < widest and SURE * of_speed > 0.05 * speed.max() and 2 * m * step * speed.max() < 0.5 * np.ptp(level):
         m = min(2 * m, widest)
         sums = np.cumsum(np.pad(x - x.mean(), (m // 2 + 1, m - 1 - m // 2), mode="symmetric"))
         level = (sums[m:] - sums[:-m]) / m + x.mean()  # of m samples about each
         speed = _difference(t, level, m)
-        left = _Noise(noise / (math.sqrt(2) * m**1.5 * step), noise / math.sqrt(m))
-    return speed, level, left
+        of_speed, of_level = noise / (math.sqrt(2) * m**1.5 * step), noise / math.sqrt(m)
+    return speed, level, of_speed, of_level
 
 
 def _difference(t: FloatArray, x: FloatArray, w: int) -> FloatArray:

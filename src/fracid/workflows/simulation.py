@@ -96,8 +96,7 @@ def twin_of(
 def _of_model(source: str, zero: str | None, friction: bool, release: Mapping[str, float]) -> Twin:
     rig = "srv02-rotpen" if source == "rotary-pendulum" else source  # the model's constants where no rig is named
     if rig in RIGS:
-        more = RIGS[rig].fitted_friction if friction else {}
-        model = rotary_pendulum(rig, zero or "hanging", **more)  # type: ignore[arg-type]
+        model = rotary_pendulum(rig, zero or "hanging", **(RIGS[rig].fitted_friction if friction else {}))  # type: ignore[arg-type]
     elif source in LIBRARY:
         if friction:
             raise InputError(f"--friction is for a rig; {source} is a model. Give its friction: --set b_angle=0.01.")

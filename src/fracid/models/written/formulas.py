@@ -14,7 +14,7 @@ import tomllib
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 from fracid.errors import InputError
 from fracid.models.written.languages import Python
@@ -64,8 +64,7 @@ class FormulaError(InputError):
         super().__init__(printable(f"{where}\n    {piece}\n    {' ' * (column - start)}^ {why}"))
 
 
-@dataclass
-class _Token:
+class _Token(NamedTuple):
     kind: str
     text: str
     column: int

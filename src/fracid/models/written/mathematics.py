@@ -538,8 +538,7 @@ class Mathematics:
         for power in (1, 2):
             times = v ** (1 / power) / math.pi
             if 1 <= times < math.inf and abs(times - round(times)) < 1e-12 * times:
-                pi = self.mark("i", "π") if round(times) == 1 else self.joined(
-                    self.mark("n", f"{round(times)}"), self.mark("i", "π"))  # fmt: skip
+                pi = self.joined(*[self.mark("n", f"{round(times)}")] * (round(times) > 1), self.mark("i", "π"))
                 return pi if power == 1 else self.mark("power", self._bracketed(pi, needed=True), self.mark("n", "2"))
         part = Fraction(v).limit_denominator(9) if math.isfinite(v) else Fraction(0)
         if ratio and part.denominator > 1 and float(part) == v:

@@ -479,16 +479,15 @@ class _Scope:
         self.here = {n: v for n, v in self.here.items() if n in after and repr(after[n]) == repr(v)}
         if isinstance(a, Expression) and isinstance(b, Expression) and not body and not orelse:
             return choice(test, a, b)
+        names: Any = None
         if isinstance(a, tuple) and isinstance(b, tuple) and len(a) == len(b):
-            names: Any = tuple(Name(self.fresh("result")) for _ in a)
+            names = tuple(Name(self.fresh("result")) for _ in a)
             body += map(Assign, names, a)
             orelse += map(Assign, names, b)
         elif isinstance(a, Expression) and isinstance(b, Expression):
             names = Name(self.fresh("result"))
             body.append(Assign(names, a))
             orelse.append(Assign(names, b))
-        else:
-            names = None
         if body or orelse:
             self.statements.append(If(test, tuple(body), tuple(orelse), note))
         return names

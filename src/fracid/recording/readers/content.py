@@ -103,6 +103,19 @@ def refuse_bomb(path: Path, numbers: float) -> None:
         raise DataError(SAYS("unpacks", path=path, size=size, most=most_numbers(size)))
 
 
+@dataclass
+class Tally:
+    """What was read of a file so far."""
+
+    path: Path
+    numbers: float = 0.0
+
+    def add(self, more: float) -> None:
+        """Refuse what is too much, alone or with what came before it."""
+        self.numbers += more
+        refuse_bomb(self.path, self.numbers)
+
+
 def damaged(path: Path, kind: str, what: object) -> DataError:
     """Return the error of a file that is not what its ending says, with a library's own words in short.
 

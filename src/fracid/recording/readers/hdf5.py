@@ -8,7 +8,6 @@ nothing, and may be packed in chunks of any size: both are looked at before anyt
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -26,6 +25,7 @@ from fracid.recording.readers.content import (
     TEXT,
     Content,
     LeftOut,
+    Tally,
     reading,
     refuse_bomb,
     why_no_numbers,
@@ -50,29 +50,15 @@ def read_hdf5(path: Path) -> Content:
     import h5py
 
     with reading(path, "HDF5 file", (DataError, MemoryError)), h5py.File(path, "r") as file:
-        return _group(file, _Taken(path), ())
+        return _group(file, Tally(path), ())
 
 
-@dataclass
-class _Taken:
-    """What was read of a file so far."""
-
-    path: Path
-    numbers: float = 0.0
-    """As many of eight bytes as what was read has bytes."""
-
-    def take(self, dataset: Any) -> None:
-        """Refuse a dataset that is too much, alone or with those before it; what is read are whole chunks."""
-        self.numbers += dataset.dtype.itemsize / 8 * max(dataset.size, prod(dataset.chunks or (1,)))
-        refuse_bomb(self.path, self.numbers)
-
-
-def _group(group: Any, tally: _Taken, ancestors: tuple[int, ...]) -> Content:
+def _group(group: Any, tally: Tally, ancestors: tuple[int, ...]) -> Content:
     """Read a group; ``#refs#`` is where MATLAB hides its own bookkeeping."""
     return {name: _item(group, name, tally, ancestors) for name in group if not name.startswith("#")}
 
 
-def _item(group: Any, name: str, tally: _Taken, ancestors: tuple[int, ...]) -> NDArray[np.generic] | LeftOut | Content:
+def _item(group: Any, name: str, tally: Tally, ancestors: tuple[int, ...]) -> NDArray[np.generic] | LeftOut | Content:
     """Read what has a name in a group, which lies within those at some addresses."""
     import h5py
 
@@ -91,7 +77,7 @@ def _item(group: Any, name: str, tally: _Taken, ancestors: tuple[int, ...]) -> N
     return _group(item, tally, (*ancestors, address))
 
 
-def _dataset(dataset: Any, tally: _Taken) -> NDArray[np.generic] | LeftOut:
+def _dataset(dataset: Any, tally: Tally) -> NDArray[np.generic] | LeftOut:
     """Read a dataset of real numbers, or say why not."""
     kind = dataset.attrs.get("MATLAB_class", b"double")
     kind = kind.decode("latin-1") if isinstance(kind, bytes) else str(kind)
@@ -108,7 +94,8 @@ def _dataset(dataset: Any, tally: _Taken) -> NDArray[np.generic] | LeftOut:
     plain = _plain(dataset.dtype)
     if plain is not None:
         return plain
-    tally.take(dataset)
+    # as many numbers of eight bytes as what is read has bytes: whole chunks
+    tally.add(dataset.dtype.itemsize / 8 * max(dataset.size, prod(dataset.chunks or (1,))))
     _refuse_packed_bomb(dataset, tally.path)
     return np.asarray(dataset[()])
 

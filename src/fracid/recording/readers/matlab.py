@@ -279,8 +279,19 @@ def _until_zero(raw: memoryview) -> str:
 def _version4(raw: bytes) -> Iterator[tuple[str, _Variable]]:
     at = 0
     while at < len(raw):
-        name, value, at = _old_matrix(raw, at)
-        yield name, value
+        dtype, full, rows, columns, is_complex, length = _old_header(raw, at)
+        start = at + 20 + length
+        end = start + rows * columns * dtype.itemsize * (1 + is_complex)
+        if end > len(raw):
+            left = max(0, len(raw) - start)
+            raise _Damaged(f"a matrix of {rows}×{columns} should have {end - start} bytes, {left} are left")
+        name = _until_zero(memoryview(raw)[at + 20 : start])
+        if full or is_complex:
+            yield name, COMPLEX if is_complex and not full else TEXT if full == 1 else SPARSE
+        else:
+            values = np.frombuffer(raw, dtype, rows * columns, start)
+            yield name, np.squeeze(values.reshape((rows, columns), order="F"))
+        at = end
 
 
 def _old_header(raw: bytes, at: int) -> tuple[np.dtype[Any], int, int, int, int, int]:
@@ -298,18 +309,3 @@ def _old_header(raw: bytes, at: int) -> tuple[np.dtype[Any], int, int, int, int,
     if min(rows, columns) < 0 or is_complex not in (0, 1) or not 0 < length <= 4096:
         raise _Damaged(f"a matrix of {rows}×{columns}")
     return np.dtype(order + OLD_NUMBERS[number]), full, rows, columns, is_complex, length
-
-
-def _old_matrix(raw: bytes, at: int) -> tuple[str, NDArray[np.generic] | LeftOut, int]:
-    """Return name and value of the matrix that begins there, and where the next begins."""
-    dtype, full, rows, columns, is_complex, length = _old_header(raw, at)
-    start = at + 20 + length
-    end = start + rows * columns * dtype.itemsize * (1 + is_complex)
-    if end > len(raw):
-        left = max(0, len(raw) - start)
-        raise _Damaged(f"a matrix of {rows}×{columns} should have {end - start} bytes, {left} are left")
-    name = _until_zero(memoryview(raw)[at + 20 : start])
-    if full or is_complex:
-        return name, (COMPLEX if is_complex and not full else TEXT if full == 1 else SPARSE), end
-    values = np.frombuffer(raw, dtype, rows * columns, start)
-    return name, np.squeeze(values.reshape((rows, columns), order="F")), end

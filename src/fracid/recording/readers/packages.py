@@ -20,12 +20,12 @@ import json
 import math
 import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from functools import partial
 from importlib.util import find_spec
 from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 from xml.parsers import expat
 
 import numpy as np
@@ -171,14 +171,12 @@ def _db3(path: Path) -> Found:
         decoders: dict[str, Callable[[bytes], Any]] = {
             kind: generate_dynamic(kind, text)[kind] for kind, text in own.items() if kind not in standard.types
         }
+        decoders |= {kind: partial(standard.deserialize_cdr, typename=kind) for kind in standard.types}
 
         def messages() -> Iterator[tuple[str, int, Any]]:
             for k, stamp, data in file.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp"):
                 name, kind = topics[k]
-                if kind in standard.types:
-                    yield name, stamp, standard.deserialize_cdr(data, kind)
-                else:
-                    yield name, stamp, decoders[kind](data) if kind in decoders else LeftOut(_unread(kind))
+                yield name, stamp, decoders[kind](data) if kind in decoders else LeftOut(_unread(kind))
 
         return _topics(path, messages())
 
@@ -258,8 +256,7 @@ def _column(samples: Any) -> Column:
 # --- between the two ------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Format:
+class Format(NamedTuple):
     """A format, and the package that reads it."""
 
     title: str

@@ -14,7 +14,6 @@ JSON                                                 read as
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -27,8 +26,8 @@ from fracid.recording.readers.content import (
     TEXT,
     Content,
     LeftOut,
+    Tally,
     damaged,
-    refuse_bomb,
     seconds_of_stamp,
 )
 from fracid.safety.door import bytes_of
@@ -65,12 +64,8 @@ def _value(text: str) -> Any:
         return json_of(f"[{','.join(lines)}]", parse_constant=float, parse_int=float)
 
 
-@dataclass
-class Columns:
+class Columns(Tally):
     """What was made of the records of a file so far."""
-
-    path: Path
-    cells: int = 0
 
     def of(self, samples: list[Any]) -> FloatArray | LeftOut | Content:
         """Make a column of the values of one name, sample by sample, or columns where these have names themselves.
@@ -99,8 +94,7 @@ class Columns:
         elif kinds != {dict}:
             return LeftOut("holds values of several kinds")
         names = dict.fromkeys(chain.from_iterable(v for v in samples if v))
-        self.cells += len(names) * len(samples)
-        refuse_bomb(self.path, self.cells)
+        self.add(len(names) * len(samples))
         return {str(name): self.of([v.get(name) if v else None for v in samples]) for name in names}
 
     def inside(self, tables: dict[str, Any]) -> Content:

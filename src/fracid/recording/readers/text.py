@@ -111,17 +111,15 @@ class Dialect:
         return [cell.strip().strip('"').strip() for j, cell in enumerate(cells) if j not in self.left_out]
 
     def number(self, cell: str) -> float:
-        """Return the cell's number, NaN where it is blank; ValueError where it is text."""
+        """Return the number of a cell that holds one, NaN of one that is blank."""
         if cell.lower() in BLANK:
             return float("nan")
         if self.stamped and (stamp := seconds_of_stamp(cell)) is not None:
             return stamp
-        if not NUMBER[self.decimal].fullmatch(cell):  # Python's float takes 1_000 and ١٢ as well
-            raise ValueError(cell)
         return float(cell.replace(",", "."))
 
     def is_number(self, cell: str) -> bool:
-        """Tell whether the cell holds a number and is not blank."""
+        """Tell whether the cell holds a number and is not blank; Python's float takes 1_000 and ١٢ as well."""
         return NUMBER[self.decimal].fullmatch(cell) is not None or (self.stamped and seconds_of_stamp(cell) is not None)
 
     def cuts_into_numbers(self, line: str) -> bool:
@@ -307,13 +305,11 @@ def _sniff(lines: _Lines) -> tuple[Dialect, int]:
         if max(map(len, rows), default=0) > MOST_COLUMNS:
             raise DataError(SAYS("wide-line", lines=lines, cells=max(map(len, rows)), MOST_COLUMNS=MOST_COLUMNS))
         counts = Counter(len(c) for c in rows if any(map(dialect.is_number, c)) and not _text_cells(dialect, c))
-        if not counts:
-            continue
-        width, hits = counts.most_common(1)[0]
-        first = (dialect.split(line) for line in lines.sample[:5])
-        titled = any(len(cells) == width and len(_text_cells(dialect, cells)) == width for cells in first)
-        if (hits, titled) > best_score:
-            best, best_score = (dialect, width), (hits, titled)
+        for width, hits in counts.most_common(1):
+            first = (dialect.split(line) for line in lines.sample[:5])
+            titled = any(len(cells) == width and len(_text_cells(dialect, cells)) == width for cells in first)
+            if (hits, titled) > best_score:
+                best, best_score = (dialect, width), (hits, titled)
     return best
 
 
