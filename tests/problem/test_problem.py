@@ -13,6 +13,7 @@ from fracid.errors import InputError
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.derivatives import jacobian
 from fracid.estimation.horizons import Watch, refined
+from fracid.estimation.records import fit_of
 from fracid.models import Model, Parameter
 from fracid.models.written.equations import Equation, Equations
 from fracid.problem import Experiment, Free, Prior, Problem, Tied
@@ -804,6 +805,17 @@ def test_an_experiment_keeps_its_samples_whatever_is_written_into_the_callers_ar
         values[1] = 99.0
         assert not np.any(getattr(e, name) == 99.0), name
     assert np.shares_memory(e.part(2, 5).measured, e.measured)
+
+
+def test_a_recording_that_is_resampled_by_lines_keeps_the_step_of_its_encoder():
+    time = np.cumsum(np.random.default_rng(1).choice([0.01, 0.025, 0.06], 300))
+    uneven = Recording.of("twin", time, {"alpha": np.round(0.3 * np.cos(6 * time), 3)})
+    e = Experiment.of(uneven.resample(0.007), RIG, ["alpha"])
+    problem = Problem(RIG, (e,), FREE, outputs=("alpha",))
+    fit = fit_of(problem, problem.start, "twin", "fit", {}, {})
+    assert fit.resolutions == pytest.approx({"alpha": 1e-3})
+    assert fit.left_over("alpha").floor == pytest.approx(1e-3 / np.sqrt(12))
+    assert fit.at(slice(9)).left_over("alpha").floor == fit.left_over("alpha").floor
 
 
 def test_a_held_input_jumps_neither_late_nor_early_on_the_grid_of_uneven_samples():

@@ -8,6 +8,7 @@ recording alone, such as its initial angle.  Both are records of numbers; nothin
 
 from __future__ import annotations
 
+import math
 from collections import UserDict
 from collections.abc import Mapping
 from dataclasses import dataclass, field, make_dataclass, replace
@@ -152,6 +153,8 @@ class RecordingFit:
     """Whether its samples are meant to lie unevenly."""
     windows: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """Window → state → its value at the window's start, where the recording was fitted in windows; else empty."""
+    quanta: Mapping[str, float] = field(default_factory=dict)
+    """Output → the step of its encoder, 0 for none, where its samples show none: they are read off lines."""
 
     def zero_of(self, output: str) -> str:
         """Where an output is zero, ``hanging`` or ``upright``; "" where that is not the model's to say.
@@ -187,7 +190,7 @@ class RecordingFit:
     @property
     def resolutions(self) -> dict[str, float | None]:
         """Output → the step of its encoder [rad], as its samples show it; None where they show none."""
-        return {n: resolution(y) for n, y in self.measured.items()}
+        return {n: self.quanta[n] or None if n in self.quanta else resolution(y) for n, y in self.measured.items()}
 
     @property
     def rmse(self) -> dict[str, float]:
@@ -224,7 +227,8 @@ class RecordingFit:
     def left_over(self, output: str) -> LeftOver:
         """What is left over of an output, of the samples that it has: its size and correlation."""
         own = self.of(output)
-        return left_over(own.standardised(output), own.measured[output], known=output in self.deviations)
+        left = left_over(own.standardised(output), own.measured[output], known=output in self.deviations)
+        return replace(left, floor=self.quanta[output] / math.sqrt(12)) if output in self.quanta else left
 
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """Measured and fitted over time, the residual below; see :func:`fracid.plots.fitted_over_time`.
@@ -289,6 +293,7 @@ def fit_of(
         fitted=dict(zip(problem.outputs, fitted.T, strict=True)), cost=cost, initial=initial, parameters=parameters,
         sha256=e.sha256, units=e.units, zero=model.zero, pendulum=model.pendulum, deviations=dict(deviations),
         scored=dict(zip(problem.outputs, e.scored.T, strict=True)), uneven=e.times is not None, windows=windows,
+        quanta=e.quanta,
     )  # fmt: skip
 
 

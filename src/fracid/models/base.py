@@ -452,7 +452,7 @@ class Model(CardDisplay):
         --------
         >>> import fracid
         >>> sorted(fracid.model("capacitor").outputs_program.constants)
-        ['R']
+        ['R', 'current_rest']
         """
         return read_outputs(tuple(self.shown.values()), self.parameter_names, len(self.states), len(self.inputs))
 

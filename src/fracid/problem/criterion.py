@@ -41,7 +41,6 @@ from fracid.optimise import Evaluation
 from fracid.problem.costs import Cost
 from fracid.problem.experiment import Experiment
 from fracid.problem.unknowns import Prior, Weights
-from fracid.signals.resolution import resolution
 
 FINEST = 1e-9
 """No output's level is below this [rad]."""
@@ -152,8 +151,8 @@ class Criterion:
     @cached_property
     def _floor(self) -> FloatArray:
         """C_o of a residual of q/√12, q the step of the output's encoder, shape (n_outputs,)."""
-        outputs = range(len(self.outputs))
-        steps = [max(resolution(e.in_deviations(e.measured)[:, o]) or 0.0 for e in self.experiments) for o in outputs]
+        steps = [max(e.quantum(name, e.in_deviations(e.measured)[:, o]) for e in self.experiments)
+                 for o, name in enumerate(self.outputs)]  # fmt: skip
         rounding = np.maximum(np.array(steps) / math.sqrt(12.0), FINEST)
         floors = [self._joined([np.full((len(e.measured), 1), r) for e in self.experiments], slice(o, o + 1))
                   for o, r in enumerate(rounding)]  # fmt: skip

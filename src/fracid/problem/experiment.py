@@ -28,6 +28,7 @@ from fracid.recording import Recording
 from fracid.recording.channel import UNITS
 from fracid.recording.report import BLANK
 from fracid.safety.kinds import refuse_other_kinds
+from fracid.signals.resolution import resolution
 from fracid.signals.swing import common_period, motion_start
 from fracid.solver.inputs import Between
 from fracid.solver.trajectory import refuse_masked
@@ -90,6 +91,8 @@ class Experiment(CardDisplay):
     deviation: FloatArray | None = None
     """Standard deviation of each sample, in its output's unit, shape (n_samples, n_outputs); None where all count
     alike.  Errors are then counted in it."""
+    quanta: Mapping[str, float] = field(default_factory=dict)
+    """Output → the step of its encoder, 0 for none, where its samples show none: they are read off lines."""
     source: Experiment | None = None
     """The recording at its own rate, where this is a coarser one of it (:mod:`fracid.problem.coarse`)."""
     means: int = 1
@@ -176,6 +179,8 @@ class Experiment(CardDisplay):
         blanks = [recording.blanks.get(n, ()) + recording.blanks.get(f"{n}{DEVIATION}", ()) for n in outputs]
         options["blanks"] = tuple(blanks) if any(blanks) else ()
         options["deviation"] = _deviation(recording, outputs)
+        if recording.report.resampled and options["deviation"] is None:
+            options["quanta"] = {s.name: s.resolution or 0.0 for s in recording.report.signals}
         units = {**recording.units} | {n: model.output_unit(n) for n in recording.assumed}
         if step is None:
             step, inputs = _on_the_grid(recording, model, inputs, options)
@@ -214,6 +219,10 @@ class Experiment(CardDisplay):
     def recording(self) -> Experiment:
         """The recording itself, of which this may be a window."""
         return self if self.whole is None else self.whole
+
+    def quantum(self, name: str, samples: FloatArray) -> float:
+        """The step of an output's encoder, as its samples show it where it is not known; 0 for none."""
+        return self.quanta[name] if name in self.quanta else resolution(samples) or 0.0
 
     @property
     def most_moved(self) -> FloatArray:

@@ -56,7 +56,6 @@ from fracid.findings import Finding, Words
 from fracid.problem import Experiment, Problem
 from fracid.quantiles import NORMAL_95
 from fracid.signals.correlation import bartlett_long_run, sokal_bandwidth
-from fracid.signals.resolution import resolution
 from fracid.signals.swing import swing_period, tail
 from fracid.units import letter, with_unit
 
@@ -193,7 +192,7 @@ def misreadings(
     if not np.all(np.abs(np.diag(R)) > 1e-9 * np.abs(R).max()):
         return  # unknowns that cannot be told apart: nothing of more can be told
     half = NORMAL_95 * uncertainty.standard_error[free]
-    lattice = {o: max(resolution(e.measured[:, k]) or 1e-300 for e in problem.experiments)
+    lattice = {o: max(e.quantum(o, e.measured[:, k]) for e in problem.experiments) or 1e-300
                for k, o in enumerate(problem.outputs)}  # fmt: skip
     orders = [k for k, i in enumerate(free) if i in problem.order_indices]
     quarter = min(e.step * swing_period(y) for e in problem.experiments for y in e.measured.T) / 4
