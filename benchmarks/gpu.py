@@ -214,7 +214,7 @@ def main(sizes: list[int]) -> None:
     clock = time.process_time()
     orders = np.stack([e.orders for e, _ in posed], axis=-1).ravel()
     all_kernels = solve._kernels(options.memory, methods.METHODS["pi2"].family, orders, STEPS, {})
-    runs = [solve._run(e, i, *args, all_kernels) for e, i in posed]
+    runs = [solve._run(each, *args, all_kernels) for each in posed]
     starts = begun(solve.address_of(posed[0][0].rhs), runs, "pi")
     print(f"weights and start, on the CPU: {1e3 * (time.process_time() - clock) / DISTINCT:.2f} ms a run", flush=True)
     assert len({s.together for s in starts}) == 1
