@@ -83,7 +83,7 @@ def written_outputs(model: Model, language: str, taken: Sequence[str] = ()) -> s
     Examples
     --------
     >>> import fracid
-    >>> "f[0] = x[0] + p.R * u[0];" in written_outputs(fracid.model("capacitor"), "c")
+    >>> "f[0] = x[0] + p.R * flows;" in written_outputs(fracid.model("capacitor"), "c")
     True
     """
     tree, read = model.outputs_program, Python(model.outputs_program).made()

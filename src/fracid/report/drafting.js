@@ -182,7 +182,7 @@ const Drafting = (() => {
     ], ["[model.parameters]                      # SI; a number fixes, a table frees", ...spec.parameters.flatMap(p => {
       const v = values.parameters[p.name], why = `${p.about} [${p.unit}]`;
       if (!free.has(p.name)) return p.gauge || p.free === "always" ? [line(p.name, number(v), why)] : [];
-      if (p.rest) return [];                             // each recording has its own
+      if (p.rest && p.unit === "rad") return [];           // each recording has its own, within a radian
       const size = Math.max(Math.abs(v), p.size), [low, high] = p.lowest !== undefined ? [p.lowest, p.highest] : p.friction || p.lower === 0 ? [0, 10 * size] : p.value === 0 || v === 0 || p.signed ? [-10 * size, 10 * size] : v > 0 ? [v / p.span, v * p.span] : [v * p.span, v / p.span];
       const [lower, upper] = around(Number(v.toPrecision(6)), Math.max(low, p.lower ?? -Infinity), Math.min(high, p.upper ?? Infinity));
       return [range(p.name, v, lower, upper, why)];
