@@ -476,16 +476,21 @@ def _bounds(view: _View, i: int) -> str:
 
 def _idle(view: _View, i: int) -> str:
     """That a parameter does nothing where another is 0, as the rest of a spring: so it may be, by its interval."""
-    problem, x, ends = view.problem, view.x, dict[str, list[FloatArray]]()
+    problem, x, others = view.problem, view.x, dict[int, float]()
     moved = math.copysign(problem.space.typical[i], problem.space.steps(x)[i]) * np.eye(len(x))[i]
     for k, other in enumerate(problem.unknowns):
         low, high = view.known.interval(x, k) or (x[k], x[k])
         if i != k and problem.unknowns[i].kind == other.kind == "parameter" and low <= 0 <= high:
-            sizes = (0.0, max(low, high, key=abs) or problem.space.typical[k])  # at 0 already: what it does beyond
-            there = [np.where(np.arange(len(x)) == k, size, x) for size in sizes]
-            ends[other.name] = [problem.space.clipped(at) for size in there for at in (size, size + moved)]
-    costs = zip(ends, np.reshape(problem.costs([at for four in ends.values() for at in four]), (-1, 4)), strict=True)
-    return next((SAYS("idle", other=n) for n, (off, idle, on, acts) in costs if off == idle and on != acts), "")
+            others[k] = max(low, high, key=abs) or problem.space.typical[k]  # at 0 already: what it does beyond
+
+    def idle(at: Mapping[int, float]) -> list[int]:
+        there = [np.where(np.arange(len(x)) == k, value, x) for k, value in at.items()]
+        costs = problem.costs([problem.space.clipped(x) for one in there for x in (one, one + moved)])
+        return [k for k, here, beside in zip(at, costs[::2], costs[1::2], strict=True) if here == beside]
+
+    off = idle(dict.fromkeys(others, 0.0))
+    acts = set(off) - {*idle({k: others[k] for k in off})}
+    return next((SAYS("idle", other=problem.unknowns[k].name) for k in off if k in acts), "")
 
 
 def _near_ratio(view: _View, i: int) -> tuple[str, str, float] | None:

@@ -186,16 +186,15 @@ def _check_sensors(p: Parametrisation, e: Experiment) -> None:
 
 def _check_hidden_start(p: Parametrisation, e: Experiment) -> None:
     """States that functions of them alone show start at 0: not where an output begins elsewhere, and nothing helps."""
-    if p.initial_state != "estimate" or e.initial or e.past is not None:
+    functions = {k: h for k, n in enumerate(p.outputs) if not isinstance(h := p.model.outputs[n], int)
+                 and n not in e.sensors and n not in p.model.derived}  # fmt: skip
+    if p.initial_state != "estimate" or e.initial or e.past is not None or not functions:
         return
     start, states = p.unpack(p.start, e), p.model.states
     free = [i for i, n in enumerate(p.model.parameter_names) if isinstance(p.parameters.get(n), Free)]
     nudges = PROBE * np.eye(len(start.parameters))[free] * (PROBE + abs(start.parameters))
     seen = [*(i for n, i in p.model.output_states.items() if n in p.outputs), *p.rates.values()]
-    for k, name in enumerate(p.outputs):
-        h = p.model.outputs[name]
-        if isinstance(h, int) or name in e.sensors or name in p.model.derived:
-            continue
+    for k, h in functions.items():
         at_start = h(0.0, start.initial, e.inputs[0], start.parameters)
         off, size = e.measured[0, k] - at_start, np.ptp(e.measured[:, k])
         helped = any(h(0.0, start.initial, e.inputs[0], start.parameters + d) != at_start for d in nudges)
@@ -210,7 +209,7 @@ def _check_hidden_start(p: Parametrisation, e: Experiment) -> None:
         rates = {j: i for i, j in p.model.rates.items() if i in ranges and j not in ranges}
         ranges |= {j: (0.0, fastest / abs(slopes[i])) for j, i in rates.items()}
         typed = typed_starts({states[i]: around for i, around in ranges.items()})
-        raise InputError(SAYS("begins-elsewhere", e=e, name=name, begins=e.measured[0, k], at_start=at_start,
+        raise InputError(SAYS("begins-elsewhere", e=e, name=p.outputs[k], begins=e.measured[0, k], at_start=at_start,
                               states=' and '.join(states[i] for i in ranges), typed=typed))  # fmt: skip
 
 

@@ -19,7 +19,7 @@ share its relaxations.  One of the amplitudes says only in which unit the model'
 against 1, and another may be a spring that the model has: as parameters count the directions in which the constants,
 but for one amplitude, move the recordings.
 
-An order is worth as many relaxations as it takes to come within 12 of its BIC.  Enough of them imitate any kernel, so
+An order is worth as many relaxations as it takes to come within 14 of its BIC.  Enough of them imitate any kernel, so
 what is claimed is that it is worth more than two, and that three, for all their constants, are no better.
 """
 
