@@ -7,6 +7,7 @@ import pytest
 
 from fracid.errors import DataError
 from fracid.recording import load_recording, read_table
+from fracid.recording.readers.text import parse_text
 from fracid.safety.paths import kind_of
 
 T = np.arange(200) / 100
@@ -49,6 +50,7 @@ def test_what_stands_beside_the_records_of_a_log_is_said_and_a_list_is_a_column_
         ("2024-03-01 23:59:{:06.3f}", ";"), ("2024-03-01T23:59:{:06.3f}Z", ","), ("2024/03/01 23:59:{:06.3f}", "\t"),
         ("23:59:{:06.3f}", ","), ("2024-03-01 23:59:{:06.3f}", " "), ('"2024-03-01T23:59:{:06.3f}+0100"', ","),
         ("2024-03-01 12:59:{:06.3f} PM", ","), ("2024-03-01 23:59:{:06.3f} UTC", ","),
+        ("01.03.2024 23:59:{:06.3f}", ";"), ("31/3/2024 23:59:{:06.3f}", ","), ("3/31/2024 11:59:{:06.3f} PM", ","),
     ],
 )  # fmt: skip
 def test_date_and_time_are_seconds_in_a_text(tmp_path, stamp, separator):
@@ -57,6 +59,19 @@ def test_date_and_time_are_seconds_in_a_text(tmp_path, stamp, separator):
     recording = load_recording(tmp_path / "log.csv")
     np.testing.assert_allclose(recording.time - recording.time[0], T, atol=1e-6)
     np.testing.assert_array_equal(next(iter(recording.signals.values())), ALPHA)
+
+
+@pytest.mark.parametrize(
+    ("date", "order", "seconds"),
+    [("28/02/2024", "day, month, year", 1709078400), ("02/28/2024", "month, day, year", 1709078400),
+     ("05.03.2024", "day, month, year", 1709596800)],
+)  # fmt: skip
+def test_a_date_without_its_year_in_front_has_its_day_there_unless_it_cannot_and_the_order_is_said(
+    date, order, seconds
+):
+    table = parse_text("time;alpha\n" + "".join(f"{date} 00:00:0{k};{k}.5\n" for k in range(9)))
+    assert table.values[0, 0] == seconds
+    assert f"Dates are read as {order}." in table.notes
 
 
 ROS = [f"{k},{1_700_000_000 + k // 100},{k % 100 * 10**7},base,joint1,{a}" for k, a in enumerate(ALPHA)]

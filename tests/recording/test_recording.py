@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from fracid.errors import DataError, InputError
 from fracid.problem.draft import draft_project, guess_file, why_uneven
 from fracid.recording import Channel, Recording, inspect_recording, load_recording, read_table
+from fracid.recording.clock import read_clock
 from fracid.recording.guess import jumps
 from fracid.recording.readers.text import parse_text
 from fracid.signals.resolution import resolution
@@ -176,6 +177,15 @@ def test_dates_of_which_nobody_says_the_unit_are_read_in_that_in_which_they_are_
     assert np.ptp(in_us.time) == pytest.approx(98e-6 * ticks)
 
 
+@pytest.mark.parametrize("days", [45_321.25, 739_287.25])
+@pytest.mark.parametrize(("step", "seconds"), [(1e-7, 86_400), (1e-3, 1)])
+def test_short_records_that_count_the_days_of_this_century_are_of_spreadsheets_and_of_matlab(days, step, seconds):
+    table = parse_text("time,alpha\n" + "".join(f"{days + step * k!r},{k % 7}\n" for k in range(99)))
+    stamps, _, said = read_clock(table, None)
+    assert np.ptp(stamps) == pytest.approx(98 * step * seconds, rel=1e-4)
+    assert any("taken as d, in which its first stamp" in note for note in said.sentences) == (seconds > 1)
+
+
 @pytest.mark.parametrize("encoding", ["utf-16", "latin-1"])
 def test_other_encodings_are_read(tmp_path, encoding):
     file = tmp_path / "log.csv"
@@ -199,7 +209,7 @@ def test_other_encodings_are_read(tmp_path, encoding):
             "t;x\n" + "3,990;14.130\n" * 3,
             "'3,990' or '14.130' has a separator between its thousands: .* one decimal sign",
         ),
-        ("t;x\n" + "27.10.2024 00:59:57,000;1,5\n" * 3, "Expected numbers like .* dates like 2024-01-31 12:00:00"),
+        ("t;x\n" + "31.02.2024 00:59:57,000;1,5\n" * 3, "Expected numbers like .* dates like 2024-01-31 12:00:00"),
         ("t;x\n" + "1,010 s;0,500 V\n" * 3, "Expected numbers like 0.01 or -1.5e-3, without units"),
         ("t,x\n" + "2024-03-05 12:00:00.5 Europe/Berlin,1.5\n" * 3, "no row of numbers.*Europe/Berlin"),
         (

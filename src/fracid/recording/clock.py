@@ -55,6 +55,12 @@ SHORTEST_STEP, LONGEST_TIME = 1e-15, 1e15
 DATES = 9.5e8, 4.1e9
 """Between which a count of seconds is a date of this century."""
 
+DAYS = (36_526, 73_051), (730_486, 767_011)
+"""The same of a count of days, as spreadsheets and MATLAB have it."""
+
+MOST_DAYS, DAYS_STEP = 1.0, 2e-5
+"""Such counts are days where the record is shorter than one, and a step than this: of seconds it were 20 µs."""
+
 DAY = 86400.0
 """[s]"""
 
@@ -133,8 +139,12 @@ def time_column(table: Table, time: Mapping[str, Any] | int | str | None) -> str
 
 
 def _unit_of_date(ticks: FloatArray) -> str:
-    """The unit in which the first stamp is a date of this century, counted from 1970; s for none."""
-    first = next(iter(ticks[np.isfinite(ticks)]), 0.0)
+    """The unit in which the first stamp is a date of this century, counted from 1970 or in days; s for none."""
+    ticks = ticks[np.isfinite(ticks)]
+    first = next(iter(ticks), 0.0)
+    short = ticks.size > 1 and np.ptp(ticks) < MOST_DAYS and np.ptp(ticks) < DAYS_STEP * (ticks.size - 1)
+    if short and any(low <= first < high for low, high in DAYS):
+        return "d"
     return next((unit for unit in ("ms", "us", "ns") if DATES[0] < first * SECONDS[unit] < DATES[1]), "s")
 
 

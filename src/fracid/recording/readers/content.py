@@ -159,32 +159,40 @@ def seconds(dates: NDArray[np.generic]) -> FloatArray:
 
 
 STAMP = re.compile(
-    r"(?P<day>[0-9]{4}([-/])[0-9]{2}\2[0-9]{2})?[T ]?"
+    r"(?P<date>[0-9]{1,4}([-/.])[0-9]{1,2}\2[0-9]{1,4})?[T ]?"
     r"(?:(?P<hour>[0-9]{1,2})(?P<time>:[0-9]{2}:[0-9]{2}(?:[.,][0-9]{1,12})?)"
     r"(?: ?(?P<half>[AP]M))?(?P<zone>Z|[+-][0-9]{2}:?[0-9]{2})?(?: ?(?:UTC|GMT))?)?",
     re.I,
 )
-"""A day, a time of day, or both, as ISO 8601 has them; the time also with AM or PM, and UTC behind it."""
+"""A date, a time of day, or both, as ISO 8601 has them; the time also with AM or PM, and UTC behind it."""
+
+DATES = {"ymd": "year, month, day", "dmy": "day, month, year", "mdy": "month, day, year"}
+"""Orders in which dates are written, and in words."""
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
-def seconds_of_stamp(text: str) -> float | None:
+def seconds_of_stamp(text: str, date: str = "ymd") -> float | None:
     """Return a date and time as seconds since 1970, of a time alone since midnight; None for what is neither.
 
     Examples
     --------
     >>> seconds_of_stamp("1970-01-02T00:00:00.5Z"), seconds_of_stamp("12:01:00 AM"), seconds_of_stamp("1.5")
     (86400.5, 60.0, None)
+    >>> seconds_of_stamp("2.1.1970 00:00:01", "dmy"), seconds_of_stamp("2.1.70", "dmy")
+    (86401.0, None)
     """
     stamp = STAMP.fullmatch(text)
-    if stamp is None or not (stamp["day"] or stamp["time"]):
+    if stamp is None or not (stamp["date"] or stamp["time"]):
         return None
     hour, half = int(stamp["hour"] or 0), (stamp["half"] or "").upper()
     if half:
         hour = hour % 12 + 12 * (half == "PM")
-    moment_text = f"{stamp['day'] or '1970-01-01'}T{hour:02}{stamp['time'] or ':00:00'}{stamp['zone'] or ''}"
+    parts = dict(zip(date, re.split("[-/.]", stamp["date"]), strict=True)) if stamp["date"] else {"y": "1970"}
+    day = f"{parts['y']}-{parts.get('m', '1'):0>2}-{parts.get('d', '1'):0>2}"
     with suppress(ValueError):  # the 31st of February
-        moment = datetime.fromisoformat(moment_text.replace("/", "-").replace(",", ".").upper())
+        moment = datetime.fromisoformat(
+            f"{day}T{hour:02}{stamp['time'] or ':00:00'}{stamp['zone'] or ''}".replace(",", ".").upper()
+        )
         return ((moment if moment.tzinfo else moment.replace(tzinfo=UTC)) - EPOCH).total_seconds()
     return None

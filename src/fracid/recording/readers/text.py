@@ -6,7 +6,8 @@ decimal sign) of ``DIALECTS`` splits a sample of the lines, and the one under wh
 them are numbers with one common count of fields wins; a header of the same count breaks
 ties.  So ``1,5;2,5`` is two numbers with a decimal comma and ``1,5`` is two integers,
 unless a header of one name says that it is one number.  Quotes decide: ``"1,5","2,5"`` is
-two numbers.  A date and time, ``2024-01-31 12:00:00.5``, is seconds.
+two numbers.  A date and time, ``2024-01-31 12:00:00.5`` or ``31.1.2024 12:00:00``, is seconds; the first number of one
+that has no year in front is the day, unless it cannot be in all rows.
 
 Comment lines begin with ``#``, ``%`` or ``//``.  Blank cells, ``nan``, ``na`` and ``null``
 are missing samples (NaN).  A column of words alone, such as ``frame_id``, is left out; text among the numbers is an
@@ -37,7 +38,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import DataError
 from fracid.recording.readers.arrays import Table, is_unit, name_and_unit
-from fracid.recording.readers.content import NO_NUMBERS, SAYS, seconds_of_stamp
+from fracid.recording.readers.content import DATES, NO_NUMBERS, SAYS, seconds_of_stamp
 from fracid.safety.door import opened
 from fracid.safety.text import ascii_short
 
@@ -96,8 +97,8 @@ class Dialect:
     """None is white space of any length."""
     decimal: str
     """``.`` or ``,``."""
-    stamped: bool = False
-    """Whether a date and time counts as a number."""
+    date: str = ""
+    """In which order a date is written, where that and a time count as numbers."""
     left_out: frozenset[int] = frozenset()
     """Columns of words alone."""
 
@@ -114,13 +115,14 @@ class Dialect:
         """Return the number of a cell that holds one, NaN of one that is blank."""
         if cell.lower() in BLANK:
             return float("nan")
-        if self.stamped and (stamp := seconds_of_stamp(cell)) is not None:
+        if self.date and (stamp := seconds_of_stamp(cell, self.date)) is not None:
             return stamp
         return float(cell.replace(",", "."))
 
     def is_number(self, cell: str) -> bool:
         """Tell whether the cell holds a number and is not blank; Python's float takes 1_000 and ١٢ as well."""
-        return NUMBER[self.decimal].fullmatch(cell) is not None or (self.stamped and seconds_of_stamp(cell) is not None)
+        stamp = self.date and seconds_of_stamp(cell, self.date) is not None
+        return bool(stamp) or NUMBER[self.decimal].fullmatch(cell) is not None
 
     def cuts_into_numbers(self, line: str) -> bool:
         """Tell whether a line is several numbers and nothing else."""
@@ -134,8 +136,8 @@ class Dialect:
 
 
 DIALECTS = tuple(
-    Dialect(delimiter, decimal, stamped)
-    for stamped in (False, True)
+    Dialect(delimiter, decimal, date)
+    for date in ("", *DATES)
     for delimiter, decimal in [(",", "."), (";", ","), (";", "."), ("\t", "."), ("\t", ","), (None, "."), (None, ","),
                                ("|", "."), ("|", ","), (",", ",")]
 )  # fmt: skip
@@ -397,6 +399,8 @@ def _doubts(dialect: Dialect, width: int, header: list[str], names: tuple[str, .
         yield f"The header has {len(cells)} names and the rows {width} cells: columns are called by their position."
     if settings := [line for line in header if _is_setting(dialect, width, line)]:
         yield _left_out(settings, "a word and numbers")
+    if dialect.date in ("dmy", "mdy"):
+        yield f"Dates are read as {DATES[dialect.date]}."
     others, end = lines.sample[-200:-1], lines.tail
     if end.strip() and len(others) >= 4 and len(end) < min(map(len, others)):
         yield f"The last line, {ascii_short(end.strip())}, has no end: its last number may have been cut off."
@@ -442,7 +446,7 @@ def _block(dialect: Dialect, width: int, rows: list[tuple[int, str]], names: tup
     """Parse some rows: by NumPy where every cell is a plain number, cell by cell otherwise."""
     texts = [line.replace(",", ".") if dialect.decimal == "," else line for _, line in rows]
     points = dialect.decimal == "," and any("." in line for _, line in rows)
-    if not (points or dialect.stamped or dialect.left_out or dialect.delimiter == dialect.decimal):
+    if not (points or dialect.date or dialect.left_out or dialect.delimiter == dialect.decimal):
         with suppress(ValueError):
             values = np.loadtxt(texts, delimiter=dialect.delimiter, comments=None, quotechar='"', ndmin=2)
             if values.shape == (len(rows), width):
