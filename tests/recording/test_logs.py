@@ -51,6 +51,7 @@ def test_what_stands_beside_the_records_of_a_log_is_said_and_a_list_is_a_column_
         ("23:59:{:06.3f}", ","), ("2024-03-01 23:59:{:06.3f}", " "), ('"2024-03-01T23:59:{:06.3f}+0100"', ","),
         ("2024-03-01 12:59:{:06.3f} PM", ","), ("2024-03-01 23:59:{:06.3f} UTC", ","),
         ("01.03.2024 23:59:{:06.3f}", ";"), ("31/3/2024 23:59:{:06.3f}", ","), ("3/31/2024 11:59:{:06.3f} PM", ","),
+        ("07:{:06.3f}", ","),
     ],
 )  # fmt: skip
 def test_date_and_time_are_seconds_in_a_text(tmp_path, stamp, separator):

@@ -342,7 +342,7 @@ PACKAGED = ("xlsx", "tdms", "mdf", "mcap", "db3")
 """Formats that a package reads."""
 ANY = (any_bytes,)
 READERS: dict[str, tuple[tuple[str, ...], tuple[Strategy, ...]]] = {
-    "text": ((".csv", ".tsv", ".txt", ".dat"), (_text,)),
+    "text": ((".csv", ".tsv", ".txt", ".dat", ".lvm", ".asc", ".prn"), (_text,)),
     "mat": ((".mat",), (any_bytes, _packed_mat)),
     "npy": ((".npy",), (_npy,)),
     "npz": ((".npz",), (any_bytes, partial(_member, _npy))),

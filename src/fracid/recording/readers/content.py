@@ -169,6 +169,9 @@ STAMP = re.compile(
 DATES = {"ymd": "year, month, day", "dmy": "day, month, year", "mdy": "month, day, year"}
 """Orders in which dates are written, and in words."""
 
+MINUTES = re.compile(r"([0-9]{1,3}):([0-5][0-9][.,][0-9]{1,12})")
+"""Minutes and seconds, as spreadsheets show a time that is below one."""
+
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -181,7 +184,11 @@ def seconds_of_stamp(text: str, date: str = "ymd") -> float | None:
     (86400.5, 60.0, None)
     >>> seconds_of_stamp("2.1.1970 00:00:01", "dmy"), seconds_of_stamp("2.1.70", "dmy")
     (86401.0, None)
+    >>> seconds_of_stamp("01:00.5")
+    60.5
     """
+    if minutes := MINUTES.fullmatch(text):
+        return 60.0 * int(minutes[1]) + float(minutes[2].replace(",", "."))
     stamp = STAMP.fullmatch(text)
     if stamp is None or not (stamp["date"] or stamp["time"]):
         return None

@@ -169,7 +169,7 @@ def _workbook(path: Path, variable: str | None) -> Table:
 
 
 READERS: dict[str, Callable[[Path, str | None], Table]] = {
-    **dict.fromkeys((".csv", ".tsv", ".txt", ".dat"), partial(_one_table, read_text)),
+    **dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".lvm", ".asc", ".prn"), partial(_one_table, read_text)),
     ".mat": partial(_arrays, lambda path: read_hdf5(path) if is_hdf5(path) else read_mat(path)),
     ".npz": partial(_arrays, read_npz),
     ".npy": partial(_arrays, read_npy),
