@@ -93,6 +93,8 @@ class OrderFound:
     a springpot of an order next to 0, and its bound that order an interval that excludes 0."""
     shown: tuple[float, float] | None = None
     """Its interval, as tables have it; None: as long as that side on both."""
+    cut: bool = False
+    """Whether that ends at a bound of its own."""
     rungs: frozenset[str] = frozenset({SPRINGPOT.rung})
     """What compare can look for in its place."""
     swings: bool = True
@@ -131,7 +133,8 @@ class OrderFound:
 
     def __str__(self) -> str:
         """``μ = 0.9570 ± 0.0030``: as tables have it, unless that seems to tell otherwise than what decides."""
-        shown, half = "" if self.shown is None else with_interval(self.value, *self.shown), half_of(self.shown)
+        shown = "" if self.shown is None else with_interval(self.value, *self.shown, cut=self.cut)
+        half = half_of(self.shown)
         if not shown or ("±" in shown and (self.distance > half) != (self.distance > self.half)):
             shown = with_half_width(self.value, self.half)
         return f"{letter(self.name)} = {shown}"
@@ -162,7 +165,8 @@ def orders_found(problem: Problem, x: FloatArray, precision: Known) -> tuple[Ord
         if not isinstance(precision, Failure) and (interval := precision.interval(x, i)) is not None:
             below = bool(order.integers) and order.nearest < value
             half = value - interval[0] if below else interval[1] - value
-            order = replace(order, half=half, beyond_bounds=precision.half_beyond_bounds(i), shown=interval)
+            beyond, cut = precision.half_beyond_bounds(i), bool(problem.unknowns[i].range.ending(interval))
+            order = replace(order, half=half, beyond_bounds=beyond, shown=interval, cut=cut)
         found.append(order)
     return tuple(found)
 
