@@ -111,9 +111,8 @@ def _findings(found: Examination, problem: Problem, fitted: Mapping[str, Recordi
     """Those before the search, then the later ones; of each causes lead."""
     later = [*found.findings]
     if found.outcome is not Outcome.INTERRUPTED:
-        coloured = [where for where, e in found.residuals.items() if e.coloured]
         hidden = partial(hidden_starts, problem, found.at.x)
-        later += [*misfits(fitted, found.setting.multi_starts, coloured, hidden), *found.missed()]
+        later += [*misfits(fitted, found.setting.multi_starts, found.residuals, hidden), *found.missed()]
     return [f for group in (found.setting.findings, later) for f in sorted(group, key=cost_of, reverse=True)]
 
 

@@ -134,8 +134,7 @@ class OrderFound:
     def __str__(self) -> str:
         """``μ = 0.9570 ± 0.0030``: as tables have it, unless that seems to tell otherwise than what decides."""
         shown = "" if self.shown is None else with_interval(self.value, *self.shown, cut=self.cut)
-        half = half_of(self.shown)
-        if not shown or ("±" in shown and (self.distance > half) != (self.distance > self.half)):
+        if not shown or ("±" in shown and (self.distance > half_of(self.shown)) != (self.distance > self.half)):
             shown = with_half_width(self.value, self.half)
         return f"{letter(self.name)} = {shown}"
 
@@ -214,8 +213,9 @@ def claim_of(
         return _undecided(SAYS("no-fit", each=each), SAYS("decide-model", again=again))
     off = [order for order in orders if order.off]
     unexplained = _unexplained({where: e for where, e in left_over.items() if not e.noise}, again)
-    as_noise = [where for where, e in left_over.items() if e.noise and not e.explained]
-    coloured = [SAYS("coloured", each=" and ".join(as_noise))] if as_noise else []
+    as_noise = {where: e.inputs for where, e in left_over.items() if e.noise and not e.explained}
+    whose = {inputs: " and ".join(w for w in as_noise if as_noise[w] == inputs) for inputs in as_noise.values()}
+    coloured = [SAYS("shaken" if inputs else "coloured", each=each, inputs=inputs) for inputs, each in whose.items()]
     rungs = frozenset() if compared else orders[0].rungs
     decides = SAYS("decide-white", where=SAYS("compare") if rungs else "")
     if element is not None:
