@@ -185,8 +185,9 @@ class _View:
         return re.sub(r"(?<!e)-", "−", shown)
 
     def ending(self, i: int) -> list[float]:
-        """Its bounds at which its interval ends, beyond which values mean as much."""
-        ends = self.problem.unknowns[i].range.ending(self.known.ends[i].tolist())
+        """Its bounds, as the project has them, at which its interval ends, and beyond which values mean as much."""
+        u, written = self.problem.unknowns[i], [v for e in self.problem.experiments for v in e.initial.values()]
+        ends = u.range.ending(self.known.ends[i]) if u.kind != "initial" or u.range in written else []
         return [bound for bound in ends if _means_something_beyond(self, i, bound)]
 
     def widest(self, i: int) -> float:
@@ -356,8 +357,7 @@ def _at_a_bound(view: _View, i: int) -> Iterator[Verdict]:
         return
     order = view.problem.unknowns[i].kind == "order"
     still = _because(view, i) if order else _of_presliding(view, i) or _idle(view, i)
-    low, high = view.known.ends[i]
-    if low <= view.problem.space.lower[i] and high >= view.problem.space.upper[i]:
+    if len(view.problem.unknowns[i].range.ending(view.known.ends[i])) > 1:
         still = f"{_bounds(view, i)}{_because(view, i)}"
     if still:  # nothing holds it: the bound is where the search happened to stop
         yield Verdict(view.names[i], "practically not", still.removeprefix("; "))

@@ -5,7 +5,7 @@ A :class:`Prior` is a normal density on a free parameter."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -89,7 +89,7 @@ class Free:
             deviations = abs(self.start - self.prior.mean) / self.prior.sd
             raise InputError(SAYS("start-far-from-prior", start=self.start, deviations=deviations, prior=self.prior))
 
-    def ending(self, interval: Sequence[float]) -> list[float]:
+    def ending(self, interval: Iterable[float]) -> list[float]:
         """Its bounds at which an interval ends.
 
         Examples
