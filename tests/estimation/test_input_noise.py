@@ -67,6 +67,12 @@ def test_the_noise_of_the_input_explains_a_residual_and_not_what_the_model_lacks
     assert (left.inputs, left.noise) == ("force" * (noise > 0.0 and not dry), not dry)
 
 
+def test_an_exact_command_that_looks_like_noise_explains_no_residual():
+    problem = driven(3 * np.random.default_rng(9).standard_normal(len(T)), 0.0, 1, dry=0.15)
+    [left] = leftovers(problem, settled(problem, problem.start).x).values()
+    assert (left.explained, left.inputs) == (False, "")
+
+
 def test_a_claim_says_whose_noise_it_is():
     each = {
         "a, x": LeftOver(1e-3, 0.0, 0.1, coloured=True, inputs="force"),

@@ -11,8 +11,8 @@ the variance of independent residuals; where the intervals are as wide already, 
 An exact input that changes as fast as noise, a random command, shakes nothing.  So its noise is no more than the
 spectrum of the residual allows: white noise σ² and a part s of what is left of Δ beside the parameters, of spectrum P,
 with the largest s up to 1 of which Whittle's likelihood, :math:`-\sum \log(σ^2 + sP) + R/(σ^2 + sP)` of the residual's
-spectrum R, is within 1.92 of the best.  A residual that :math:`1/\sqrt{1 + sP/σ^2}` makes white is correlated by that
-noise, and not by what the model lacks.
+spectrum R, is within 1.92 of the best.  A residual that :math:`1/\sqrt{1 + sP/σ^2}` makes white, with s = 1, is
+correlated by that noise, and not by what the model lacks.
 """
 
 from __future__ import annotations
@@ -132,7 +132,8 @@ def shaken(
     Returns
     -------
     tuple of array, shape (n_unknowns,), and a list of arrays, shape (n_samples, n_outputs)
-        None where no input is noisy, a run fails, or it cannot be asked.
+        None of these where less is allowed than differences show: an exact command that looks like noise excuses no
+        residual.  None at all where no input is noisy, a run fails, or it cannot be asked.
     """
     cannot = is_coarse(problem) or problem.blocks is not None or problem.cost_function.loss is None
     here = None if cannot or not noisy_inputs(problem) else near or tangent(problem, x, jobs=jobs)
@@ -152,7 +153,7 @@ def shaken(
     spectra = [np.mean(draws, axis=0) / w for *draws, w in zip(*left, white, strict=True)]
     part = _part(joined(spectra), joined(_power(e) / w for e, w in zip(here.errors, white, strict=True)))
     whitened = [np.fft.irfft(np.fft.rfft(e, axis=0) / np.sqrt(1 + part * P), len(e), axis=0)
-                for e, P in zip(here.errors, spectra, strict=True)]  # fmt: skip
+                for e, P in zip(here.errors, spectra, strict=True) if part == PARTS[-1]]  # fmt: skip
     return part * np.mean(np.square(shifts), axis=0), whitened
 
 

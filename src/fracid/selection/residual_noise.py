@@ -51,7 +51,7 @@ def leftovers(problem: Problem, x: FloatArray) -> dict[str, LeftOver]:
         finer = of(replace(problem, substeps=FINER * problem.substeps))
         left = finer if finer and all(found.noise for found in finer.values()) else left
     by_noise = None if all(found.explained for found in left.values()) else shaken(problem, x)
-    if by_noise is None or len(by_noise[1]) > len(recordings):  # of windows
+    if by_noise is None or len(by_noise[1]) != len(recordings):  # none, or of windows
         return left
     by_inputs, names = of(problem, by_noise[1]), " and ".join(map(letter, noisy_inputs(problem)))
     return {where: replace(e, coloured=True, inputs=names) if by_inputs[where].noise and not e.explained else e
