@@ -116,7 +116,7 @@ def with_input_noise(
     ...     found = with_input_noise(problem, here.x, known, near=here)
     ...     return round(float((found.standard_error / known.standard_error)[0]), 1)
     >>> wider(0.0), wider(0.03)
-    (1.0, 6.8)
+    (1.0, 6.0)
     """
     if isinstance(known, Failure) or (found := shaken(problem, x, near=near, jobs=jobs)) is None:
         return known
