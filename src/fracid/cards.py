@@ -151,8 +151,8 @@ def _true_minus(text: str) -> str:
     return re.sub(r"(?<!e)-", "−", text)
 
 
-def estimate_text(name: str, value: float, interval: tuple[float, float] | None, unit: str) -> str:
-    """A value with its name, its interval's half-width and its unit.
+def estimate_text(name: str, value: float, interval: Sequence[float] | None, unit: str, *, cut: bool = False) -> str:
+    """A value with its name, its interval's half-width, or its ends where a bound cuts it, and its unit.
 
     Examples
     --------
@@ -165,7 +165,7 @@ def estimate_text(name: str, value: float, interval: tuple[float, float] | None,
     if interval is None:
         text = rounded(factor * value, None)
     else:
-        text = _true_minus(with_interval(*(factor * v for v in (value, *interval))))
+        text = _true_minus(with_interval(*(factor * v for v in (value, *interval)), cut=cut))
     return f"{letter(name)} = {text} {typeset_unit(display_unit)}".rstrip()
 
 

@@ -129,7 +129,7 @@ class Fit(CardDisplay, WithPosterior, Record):
     warnings: Listed[str]
     """Sentences, those of the findings among them."""
     warning_codes: Listed[str] = ()
-    """Of each of them: that of a finding, ``verdict``, ``cut``, ``spread``, or none."""
+    """Of each of them: that of a finding, ``verdict``, ``bounded``, ``cut``, ``spread``, or none."""
     findings: Listed[Finding] = ()
     """Faults of data, project or model that were seen, each with the number that shows it."""
     seed: int | None
@@ -162,7 +162,7 @@ class Fit(CardDisplay, WithPosterior, Record):
 
 
 def _estimate(name: str, e: Estimate) -> str:
-    return estimate_text(name, e.value if e.bound is None else e.bound, e.interval95, e.unit)
+    return estimate_text(name, e.value if e.bound is None else e.bound, e.interval95, e.unit, cut=e.cut)
 
 
 def _score(use: str, rmse: Mapping[str, float | None], units: Mapping[str, str]) -> str:

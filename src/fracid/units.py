@@ -160,8 +160,8 @@ def with_half_width(value: float, half: float) -> str:
     return f"({to_second_digit(scale * value, scale * half)} ± {shown_half_width(scale * half)})e{power:+03d}"
 
 
-def interval_beside(value: float, low: float, high: float) -> str:
-    """The interval of a value: half of its width, or both ends, where a side is longer or an end is 0.
+def interval_beside(value: float, low: float, high: float, *, cut: bool = False) -> str:
+    """The interval of a value: half of its width, or both ends, where a side is longer or a bound, as 0 is, cuts it.
 
     Examples
     --------
@@ -171,20 +171,22 @@ def interval_beside(value: float, low: float, high: float) -> str:
     half = (high - low) / 2
     if not half > 0:
         return "± 0"
-    if low and high and max(high - value, value - low) <= LOPSIDED * half:  # ± would reach beyond a bound of 0
+    if low and high and not cut and max(high - value, value - low) <= LOPSIDED * half:  # ± would reach beyond a bound
         return f"± {shown_half_width(half, value)}"
     return f"{to_second_digit(low, half)} … {to_second_digit(high, half)}"
 
 
-def with_interval(value: float, low: float, high: float) -> str:
+def with_interval(value: float, low: float, high: float, *, cut: bool = False) -> str:
     """A value and its interval, on whichever side of it that is longer.
 
     Examples
     --------
     >>> with_interval(0.00013361, 0.0001327, 0.00013452), with_interval(2.5e-7, 0.0, 5.69e-7)
     ('(1.3361 ± 0.0091)e-04', '2.5e-07, 0 … 5.7e-07')
+    >>> with_interval(0.91, 0.87, 0.95, cut=True)
+    '0.910, 0.870 … 0.950'
     """
-    half, beside = (high - low) / 2, interval_beside(value, low, high)
+    half, beside = (high - low) / 2, interval_beside(value, low, high, cut=cut)
     return f"{to_second_digit(value, half)}, {beside}" if "…" in beside else with_half_width(value, half)
 
 

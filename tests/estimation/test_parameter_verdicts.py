@@ -19,6 +19,7 @@ from fracid.models import Model, Parameter
 from fracid.models.joints import presliding
 from fracid.models.written.equations import Equation, Equations
 from fracid.problem import Experiment, Free, Problem
+from fracid.report.sentences import interval
 from fracid.units import with_interval
 from twins import release
 
@@ -174,8 +175,8 @@ def test_a_score_on_alpha_alone_warns_about_lambda():
     assert found["mu"].sentence == "identifiable"
     unsure = verdicts(twin(outputs=("alpha",), orders=ORDERS, sd=0.3))
     assert unsure["lambda"].kind == "practically not"
-    said = r"its interval is [\d.]+ [±…] [\d.]+, wider than ± 0\.1; θ is not scored: score it too, or fix λ"
-    assert re.fullmatch(said, unsure["lambda"].reason)
+    said = r"its interval is 0\.50 … [\d.]+, wider than ± 0\.1, and ends at its bound"
+    assert re.fullmatch(f"{said}; θ is not scored: score it too, or fix λ", unsure["lambda"].reason)
 
 
 def test_a_small_angle_record_names_the_inertia_term_that_it_cannot_see():
@@ -381,12 +382,27 @@ def test_a_bound_is_widened_only_where_an_order_may_lie_beyond_it(order, r, lowe
     assert verdicts(p, x=p.start)["r"].reason == f"{r:.4g}; {advice}"
 
 
-def test_an_order_whose_narrow_interval_its_bound_cuts_is_identifiable():
+def test_an_order_whose_narrow_interval_its_bound_cuts_is_identifiable_up_to_that_bound():
     p = mount("r", 0.02, 0.01995)
     known = uncertainty(p, p.start)
     assert not known.at_bound[0]
     assert known.ends[0, 0] == 0.01995
-    assert identifiability(p, p.start, known)["r"].sentence == "identifiable"
+    says = "its interval ends at its bound, 0.01995, not where the data end it; widen that bound"
+    assert identifiability(p, p.start, known)["r"].sentence == f"identifiable: {says}"
+
+
+@pytest.mark.parametrize(("lower", "upper", "bounds"), [
+    (0.0, 5.0, ""), (0.0, 0.5015, "0.5015"), (0.499, 5.0, "0.499"), (0.499, 0.5015, "0.499 and 0.5015"),
+])  # fmt: skip
+def test_what_a_bound_cuts_of_an_interval_is_told_and_printed_from_end_to_end(lower, upper, bounds):
+    measured = np.exp(-0.5 * np.arange(200) / 20) + 1e-2 * np.random.default_rng(3).standard_normal(200)
+    fit = fracid.identify(decay("-k*x", {"k": 0.5}, {"k": (lower, upper)}, measured), optimiser="least-squares")
+    k, notes = fit.parameters["k"], dict(zip(fit.warning_codes, fit.warnings, strict=True))
+    assert (k.identifiable, k.at_bound, k.cut) == ("identifiable", False, bool(bounds))
+    assert [k.interval95[0] == lower, k.interval95[1] == upper] == [str(b) in bounds for b in (lower, upper)]
+    assert (f"k is identifiable: its interval ends at its bound, {bounds}, not" in notes.get("bounded", "")) == k.cut
+    assert ("…" in repr(k), "±" in repr(k)) == (k.cut, not k.cut)
+    assert ("…" in interval(k.to_json())) == k.cut
 
 
 def test_an_interval_as_wide_as_a_scale_that_nothing_shows_is_said_to_be():

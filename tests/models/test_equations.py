@@ -412,6 +412,19 @@ def test_a_hidden_state_that_does_not_rest_at_0_is_noted_with_what_to_type(tmp_p
     assert ('initial = { "block" = { start = 1, lower = 0, upper = 2 } }' in notes) == noted
 
 
+@pytest.mark.parametrize(("begins", "noted"), [("", False), ("from = 0.8", True)])
+@pytest.mark.parametrize("noise", [0.0, 1e-5])
+def test_hysteresis_that_starts_at_rest_starts_at_0_and_in_motion_nobody_knows_where(tmp_path, begins, noted, noise):
+    t = np.arange(0, 2, 0.01)
+    position = 0.01 * np.sin(t) ** 2 + noise * np.random.default_rng(3).standard_normal(t.size)
+    columns = np.column_stack([t, np.sin(t), position])
+    np.savetxt(tmp_path / "axis.csv", columns, delimiter=",", header="time,force,position", comments="")
+    held = 'block = { equals = "speed - 500*abs(speed)*block", unit = "m" }'
+    text = PROJECT.replace("b*speed)/m", "b*speed - 50*block)/m").replace("[model.outputs]", f"{held}\n[model.outputs]")
+    notes = " ".join(project_from_text(text + begins, tmp_path / "axis.toml").notes)
+    assert ("axis: no output shows block, whose start is taken as 0" in notes) == noted
+
+
 @pytest.mark.parametrize(("old", "new", "why"), [
     ("(force - b*speed)/m", "(force - b*sped)/m", "`sped` is no state, input or parameter; did you mean `speed`"),
     ('name = "linear-axis"', 'name = "rotary-pendulum"', "give the equations a name of their own"),

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import fracid
 from fracid.errors import Failure, FailureReason
@@ -19,7 +20,7 @@ from fracid.identification import identify
 from fracid.models import Parameter
 from fracid.models.library import from_library
 from fracid.models.written.equations import Equation, Equations
-from fracid.problem import Experiment, Free, Prior, Problem
+from fracid.problem import Experiment, Free, Prior, Problem, Sensor
 from fracid.problem.costs import COSTS
 from fracid.recording import Recording
 from fracid.solver.memory import compressed, full, short
@@ -711,6 +712,33 @@ def test_a_fault_is_sized_by_derivatives_that_hold_over_an_interval_not_by_a_jum
     p = Problem(line, (e,), {}, {"slope": Free(1.3, 0.0, 2.0)}, initial_state="held")
     [zero] = [m for m in misreadings(p, p.start, uncertainty(p, p.start)) if m.code == "off-zero"]
     assert zero.sure > 10
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.02, -0.08])
+def test_a_current_sensor_that_is_offset_is_told_from_an_angle_that_drifts(offset):
+    t = np.arange(0, 16, 0.02)
+    current = 1.5 * np.sin(2 * t + 0.1 * t**2) + 0.6 * np.sin(0.7 * t)
+    run = solve_ivp(
+        lambda s, x: [x[1], (0.3 * np.interp(s, t, current) - 0.02 * x[1] - 0.4 * x[0] - 1.2 * x[0] ** 3) / 0.01],
+        (0, t[-1]), [0.0, 0.0], t_eval=t, rtol=1e-9, atol=1e-11, max_step=0.02,
+    )  # fmt: skip
+    swings = {"angle": Equation("speed"), "speed": Equation("(0.3*i - b*speed - k*angle - k3*angle**3)/J")}
+    constants = {"J": 0.01, "b": 0.02, "k": 0.4, "k3": 1.2}
+    rows = [Parameter(n, "", v, "") for n, v in constants.items()]
+    model = Equations(swings, {"angle": Equation("angle")}, inputs={"i": "A"}).model("motor", rows)
+    angle = run.y[0] + 3e-3 * run.y[0].std() * np.random.default_rng(1).standard_normal(t.size)
+    e = Experiment("motor", 0.02, angle[:, None], (current + offset)[:, None])
+    p = Problem(model, (e,), {}, {n: Free(v, 0.2 * v, 5 * v) for n, v in constants.items()}, substeps=2)
+    x, known = minimum(p)
+    found = [f for f in after(p, x, known) if f.code in ("off-zero", "drifts", "late", "scaled", "play")]
+    assert [(f.code, f.where) for f in found] == [("off-zero", "i")] * (offset != 0)
+    assert all("A off: that would explain" in f.sentence and "type bias = { start = 0.0," in f.sentence for f in found)
+    [zero] = [m for m in misreadings(p, x, known) if (m.code, m.signal) == ("off-zero", "i")]
+    assert zero.size == pytest.approx(offset, rel=0.1, abs=2e-3)
+    typed = replace(e, actuators={"i": Sensor(bias=Free(0.0, -0.2, 0.2))})
+    better, sure = minimum(freed := replace(p, experiments=(typed,)))
+    assert better[freed.names.index("bias_i")] == pytest.approx(-offset, abs=2e-3)
+    assert ("off-zero", "i") not in [(m.code, m.signal) for m in misreadings(freed, better, sure)]
 
 
 STRUCTURES = {

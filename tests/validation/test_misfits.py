@@ -10,6 +10,7 @@ from fracid.errors import Failure, FailureReason
 from fracid.estimation.records import RecordingFit
 from fracid.findings import Finding
 from fracid.models.written.equations import Equation, Equations
+from fracid.signals.left_over import LeftOver
 from fracid.validation.after_search import after
 from fracid.validation.misfits import cost_of, misfits, missed
 
@@ -72,11 +73,14 @@ def test_findings_are_told_by_how_far_they_are_beyond_their_limits():
 
 def test_rounding_is_an_encoders_of_an_angle_alone_and_noise_is_a_cause_where_it_is_coloured():
     force = {n: replace(r, units={"alpha": "N"}) for n, r in beside(0.97).items()}
-    [angle], [other], [noise] = misfits(beside(0.97), 1), misfits(force, 1), misfits(force, 1, ["swing, α"])
+    left = LeftOver(0.03, 1e-3, 0.02, coloured=True)
+    [angle], [other], [noise] = misfits(beside(0.97), 1), misfits(force, 1), misfits(force, 1, {"swing, α": left})
+    [shaken] = misfits(force, 16, {"swing, α": replace(left, inputs="torque")})
     assert "times the encoder's rounding" in angle.sentence
     assert (other.unit, "encoder" in other.sentence) == ("times the recording's rounding", False)
     assert "autocorrelated: the model lacks something" in other.sentence
     assert "autocorrelated: correlated noise, or a model that lacks something" in noise.sentence
+    assert "autocorrelated: the noise of torque explains that. fracid" in shaken.sentence
 
 
 def test_what_is_masked_is_nothing_that_a_model_must_explain():

@@ -43,7 +43,7 @@ def _estimate(u: Unknown, x: FloatArray, i: int, precision: Known, verdict: Verd
     interval, white = (precision.interval(x, i, method) for method in ("sandwich", "white"))
     return Estimate(value, u.unit, free=True, standard_error=se if np.isfinite(se) else None, interval95=interval,
                     at_bound=own, bound=nearer, identifiable=verdict.kind, reason=verdict.reason, white95=white,
-                    interval_method=precision.method(i))  # fmt: skip
+                    cut=bool(u.range.ending(interval or ())), interval_method=precision.method(i))  # fmt: skip
 
 
 def fits_at(problem: Problem, x: FloatArray, estimates: Mapping[str, Estimate], use: str) -> dict[str, RecordingFit]:

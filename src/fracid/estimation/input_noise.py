@@ -11,7 +11,8 @@ the variance of independent residuals; where the intervals are as wide already, 
 An exact input that changes as fast as noise, a random command, shakes nothing.  So its noise is no more than the
 spectrum of the residual allows: white noise σ² and a part s of what is left of Δ beside the parameters, of spectrum P,
 with the largest s up to 1 of which Whittle's likelihood, :math:`-\sum \log(σ^2 + sP) + R/(σ^2 + sP)` of the residual's
-spectrum R, is within 1.92 of the best.
+spectrum R, is within 1.92 of the best.  A residual that :math:`1/\sqrt{1 + sP/σ^2}` makes white, with s = 1, is
+correlated by that noise, and not by what the model lacks.
 """
 
 from __future__ import annotations
@@ -22,15 +23,15 @@ from itertools import compress
 
 import numpy as np
 
-from fracid.arrays import FloatArray
-from fracid.errors import Failure
+from fracid.arrays import FloatArray, joined
+from fracid.errors import SMALLEST, Failure
 from fracid.estimation.covariance import Known
 from fracid.estimation.long_records import is_coarse
 from fracid.estimation.tangent import Tangent, tangent
 from fracid.problem import Experiment, Problem
 
-DRAWS = 16
-"""From which a standard deviation is known to a fifth."""
+DRAWS = 64
+"""From which a standard deviation is known to a tenth, and a spectrum to an eighth."""
 
 DIFFERENCES = range(2, 6)
 """White noise is the same in differences of every order; of a motion those shrink."""
@@ -115,27 +116,45 @@ def with_input_noise(
     ...     found = with_input_noise(problem, here.x, known, near=here)
     ...     return round(float((found.standard_error / known.standard_error)[0]), 1)
     >>> wider(0.0), wider(0.03)
-    (1.0, 6.8)
+    (1.0, 6.0)
+    """
+    if isinstance(known, Failure) or (found := shaken(problem, x, near=near, jobs=jobs)) is None:
+        return known
+    missing = np.maximum(0.0, known.white**2 + found[0] - known.standard_error**2)
+    return known.wider(problem.space, x, np.sqrt(missing))
+
+
+def shaken(
+    problem: Problem, x: FloatArray, *, near: Tangent | None = None, jobs: int = 1
+) -> tuple[FloatArray, list[FloatArray]] | None:
+    """The variance that the noise of inputs adds to each unknown, and the residuals without the spectrum of its own.
+
+    Returns
+    -------
+    tuple of array, shape (n_unknowns,), and a list of arrays, shape (n_samples, n_outputs)
+        None of these where less is allowed than differences show: an exact command that looks like noise excuses no
+        residual.  None at all where no input is noisy, a run fails, or it cannot be asked.
     """
     cannot = is_coarse(problem) or problem.blocks is not None or problem.cost_function.loss is None
-    if isinstance(known, Failure) or cannot or not noisy_inputs(problem):
-        return known
-    here = tangent(problem, x, jobs=jobs) if near is None else near
-    if isinstance(here, Failure):
-        return known
+    here = None if cannot or not noisy_inputs(problem) else near or tangent(problem, x, jobs=jobs)
+    if here is None or isinstance(here, Failure):
+        return None
     rows, shifts, left = here.rows[:, :-1], [], []
     for rng in np.random.default_rng(1).spawn(DRAWS):
-        shaken = [replace(e, inputs=e.inputs + _levels(problem, e) * rng.standard_normal(e.inputs.shape))
-                  for e in problem.experiments]  # fmt: skip
-        errors = replace(problem, experiments=tuple(shaken), memo=None).errors(x)
+        noisy = [replace(e, inputs=e.inputs + _levels(problem, e) * rng.standard_normal(e.inputs.shape))
+                 for e in problem.experiments]  # fmt: skip
+        errors = replace(problem, experiments=tuple(noisy), memo=None).errors(x)
         if isinstance(errors, Failure):
-            return known
+            return None
         shifts.append(np.linalg.lstsq(rows, here.pulls(here.errors, x) - here.pulls(errors, x))[0])
-        left.append(_spectrum([e - was + J @ shifts[-1]
-                               for e, was, J in zip(errors, here.errors, here.derivatives, strict=True)]))  # fmt: skip
-    added = _part(np.mean(left, axis=0), _spectrum(here.errors)) * np.mean(np.square(shifts), axis=0)
-    missing = np.maximum(0.0, known.white**2 + added - known.standard_error**2)
-    return known.wider(problem.space, x, np.sqrt(missing))
+        left.append([_power(e - was + J @ shifts[-1])
+                     for e, was, J in zip(errors, here.errors, here.derivatives, strict=True)])  # fmt: skip
+    white = [np.median(_power(e), axis=0) / math.log(2.0) + SMALLEST for e in here.errors]
+    spectra = [np.mean(draws, axis=0) / w for *draws, w in zip(*left, white, strict=True)]
+    part = _part(joined(spectra), joined(_power(e) / w for e, w in zip(here.errors, white, strict=True)))
+    whitened = [np.fft.irfft(np.fft.rfft(e, axis=0) / np.sqrt(1 + part * P), len(e), axis=0)
+                for e, P in zip(here.errors, spectra, strict=True) if part == PARTS[-1]]  # fmt: skip
+    return part * np.mean(np.square(shifts), axis=0), whitened
 
 
 def _levels(problem: Problem, e: Experiment) -> FloatArray:
@@ -145,13 +164,11 @@ def _levels(problem: Problem, e: Experiment) -> FloatArray:
                      for n, u in zip(names, e.inputs.T, strict=True)])  # fmt: skip
 
 
-def _spectrum(errors: list[FloatArray]) -> FloatArray:
-    """Of every output of every recording, one behind the other."""
-    return np.concatenate([np.abs(np.fft.rfft(column)) ** 2 for e in errors for column in e.T])
+def _power(errors: FloatArray) -> FloatArray:
+    return np.asarray(np.abs(np.fft.rfft(errors, axis=0)) ** 2)
 
 
 def _part(shaken: FloatArray, residual: FloatArray) -> float:
-    """The largest s, up to 1, that the residual's spectrum allows."""
-    white = np.median(residual) / math.log(2.0)
-    costs = [float(np.sum(np.log(white + s * shaken) + residual / (white + s * shaken))) for s in PARTS]
+    """The largest s, up to 1, that the residual's spectrum allows, where white noise has 1."""
+    costs = [float(np.sum(np.log(1 + s * shaken) + residual / (1 + s * shaken))) for s in PARTS]
     return float(max(compress(PARTS, np.array(costs) < min(costs) + 1.92)))

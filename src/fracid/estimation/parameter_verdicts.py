@@ -6,7 +6,7 @@
 verdict             means
 ==================  ==========================================================================================
 identifiable        its interval is narrow enough to use: an order to 0.1, an angle to 3°, a constant to its own size,
-                    the start of a state to its travel
+                    the start of a state to its travel; with the bound that ends it where the data do not
 only in a ratio     the data see it through a product or quotient with another, which is named: a free response
                     knows C1/C4, not C1; so in a null direction of the scaled sensitivities, or nearly so; or its
                     interval is as wide as such a scale, as that of a leak next to 0 beside R and C
@@ -180,9 +180,15 @@ class _View:
 
     def shown(self, i: int) -> str:
         """Its interval in words: the value with its half-width, or both ends."""
-        ends, x = self.known.interval(self.x, i), float(self.x[i])
-        shown = rounded(x, self.half(i)) if ends is None else with_interval(x, *ends).split(", ")[-1]
+        ends, x, cut = self.known.interval(self.x, i), float(self.x[i]), bool(self.ending(i))
+        shown = rounded(x, self.half(i)) if ends is None else with_interval(x, *ends, cut=cut).split(", ")[-1]
         return re.sub(r"(?<!e)-", "−", shown)
+
+    def ending(self, i: int) -> list[float]:
+        """Its bounds, as the project has them, at which its interval ends, and beyond which values mean as much."""
+        u, written = self.problem.unknowns[i], [v for e in self.problem.experiments for v in e.initial.values()]
+        ends = u.range.ending(self.known.ends[i]) if u.kind != "initial" or u.range in written else []
+        return [bound for bound in ends if _means_something_beyond(self, i, bound)]
 
     def widest(self, i: int) -> float:
         """Half an interval that is just narrow enough to use."""
@@ -351,8 +357,7 @@ def _at_a_bound(view: _View, i: int) -> Iterator[Verdict]:
         return
     order = view.problem.unknowns[i].kind == "order"
     still = _because(view, i) if order else _of_presliding(view, i) or _idle(view, i)
-    low, high = view.known.ends[i]
-    if low <= view.problem.space.lower[i] and high >= view.problem.space.upper[i]:
+    if len(view.problem.unknowns[i].range.ending(view.known.ends[i])) > 1:
         still = f"{_bounds(view, i)}{_because(view, i)}"
     if still:  # nothing holds it: the bound is where the search happened to stop
         yield Verdict(view.names[i], "practically not", still.removeprefix("; "))
@@ -455,7 +460,7 @@ def _too_wide(view: _View, i: int) -> Iterator[Verdict]:
     low, high = view.known.interval(view.x, i) or view.x[i] + view.half(i) * np.array((-1.0, 1.0))
     includes = view.problem.unknowns[i].kind == "parameter" and low <= 0 <= high
     why = "which includes 0" if includes else f"wider than ± {view.widest(i):.2g}"
-    text = f"its interval is {view.shown(i)}, {why}"
+    text = f"its interval is {view.shown(i)}, {why}{', and ends at its bound' if view.ending(i) else ''}"
     if view.half(i) > reach.upper - reach.lower:
         text = _bounds(view, i)
     because = _because(view, i)
@@ -569,7 +574,8 @@ def _identifiable(view: _View, i: int) -> Iterator[Verdict]:
     own = view.moved_by(u.target) if u.kind == "order" else ()
     unscored = own and not set(own) & set(view.problem.outputs)
     note = f"through {', '.join(view.problem.outputs)} alone; score {' or '.join(own)} too" if unscored else ""
-    yield Verdict(view.names[i], "identifiable", note)
+    bounds = " and ".join(f"{bound:.4g}" for bound in view.ending(i))
+    yield Verdict(view.names[i], "identifiable", SAYS("bounded", bounds=bounds) if bounds else note)
 
 
 RULES: tuple[Callable[[_View, int], Iterator[Verdict]], ...] = (

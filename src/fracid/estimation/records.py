@@ -18,14 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import BoolArray, FloatArray, by_name, spacing
-from fracid.cards import Card, CardDisplay, brief, rounded
+from fracid.cards import Card, CardDisplay, brief, estimate_text
 from fracid.errors import Failure
 from fracid.figures import Style, draw
 from fracid.recording.measures import PENDULUM
 from fracid.safety.schema import Ends, Number, Record, Unknown
 from fracid.signals.left_over import LeftOver, left_over
 from fracid.signals.resolution import resolution
-from fracid.units import shown_unit, typeset_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,6 +57,8 @@ class Estimate(CardDisplay, Record):
     """None for a fixed value, and where it cannot be known."""
     interval95: Ends | None = None
     """By the sandwich of :mod:`fracid.estimation.covariance`; of this model, without model error."""
+    cut: bool = False
+    """Whether the interval ends at a bound: the data alone may let it reach further."""
     at_bound: bool = False
     bound: Number = None
     """The bound that it lies at, which is what the value means: a search stops a little before it.  None: at none."""
@@ -83,9 +84,7 @@ class Estimate(CardDisplay, Record):
                 "verdict": self.verdict, "free": self.free}  # fmt: skip
 
     def _card(self) -> Card:
-        shown, factor = shown_unit(self.unit)
-        half = self.row()["half_width"]
-        title = f"Estimate {rounded(factor * self.value, half and factor * half)} {typeset_unit(shown)}".rstrip()
+        title = estimate_text("Estimate", self.value, self.interval95, self.unit, cut=self.cut).replace(" = ", " ")
         rows = (("verdict", self.verdict), ("why", self.reason), ("at its bound", brief(self.bound)))
         return Card(title, tuple((what, text) for what, text in rows if text not in ("", "none")))
 

@@ -307,15 +307,12 @@ class Examination:
     def allow_for_inputs(self) -> None:
         """Allow for what inputs do between their samples."""
         at = self.at
-        known, findings, notes = between_samples(at.problem, at.x, at.uncertainty, jobs=self.setting.jobs)
-        exact = known
+        exact, findings, notes = between_samples(at.problem, at.x, at.uncertainty, jobs=self.setting.jobs)
         known = with_input_noise(at.problem, at.x, exact, near=at.near, jobs=self.setting.jobs)
         if isinstance(exact, Uncertainty) and isinstance(known, Uncertainty):
-            wide = known.standard_error > WIDER * exact.standard_error
-            if np.any(wide):
-                most = np.max(known.standard_error[wide] / exact.standard_error[wide])
-                said = SAYS("noisy-input", names=" and ".join(noisy_inputs(at.problem)), wider=most)
-                notes += (Note(said, said.code),)
+            pairs = zip(known.standard_error, exact.standard_error, strict=True)
+            if wider := [wide / narrow for wide, narrow in pairs if wide > WIDER * narrow]:
+                notes += (SAYS("noisy-input", names=" and ".join(noisy_inputs(at.problem)), wider=max(wider)),)
         self.at = replace(self.at, uncertainty=known)
         self.findings += findings
         self.warnings += notes

@@ -22,7 +22,7 @@ from fracid.estimation.parameter_verdicts import Verdict
 from fracid.estimation.records import Estimate, Estimates, OrderEstimate, RecordingFit
 from fracid.estimation.starts import won
 from fracid.estimation.windows import closes_a_loop, prediction_of
-from fracid.findings import Finding, Note
+from fracid.findings import Finding, Note, with_code
 from fracid.fit import PARTIAL, CostBlock, Fit, ModelBlock
 from fracid.identification.examination import SAYS, Examination
 from fracid.optimise import Outcome
@@ -111,9 +111,8 @@ def _findings(found: Examination, problem: Problem, fitted: Mapping[str, Recordi
     """Those before the search, then the later ones; of each causes lead."""
     later = [*found.findings]
     if found.outcome is not Outcome.INTERRUPTED:
-        coloured = [where for where, e in found.residuals.items() if e.coloured]
         hidden = partial(hidden_starts, problem, found.at.x)
-        later += [*misfits(fitted, found.setting.multi_starts, coloured, hidden), *found.missed()]
+        later += [*misfits(fitted, found.setting.multi_starts, found.residuals, hidden), *found.missed()]
     return [f for group in (found.setting.findings, later) for f in sorted(group, key=cost_of, reverse=True)]
 
 
@@ -148,13 +147,14 @@ def _warnings(problem: Problem, precision: Known, verdicts: Mapping[str, Verdict
     together = [names for names in precision.confounded if len(names) > 1]
     for names in together:
         yield f"The data cannot separate {' and '.join(letter(n) for n in names)}: fix one of them."
-    alike: dict[tuple[str, bool], list[str]] = {}
+    alike: dict[tuple[str, str], list[str]] = {}
     for v in verdicts.values():
-        if v.kind not in UNTOLD and not any(v.name in names for names in together):
-            alike.setdefault((v.says, bool(v.reason)), []).append(letter(v.name))
-    for (says, explained), unknowns in alike.items():
+        bounded = "".join(note.code for note in with_code([v.reason], "bounded"))
+        if (bounded or v.kind not in UNTOLD) and not any(v.name in names for names in together):
+            alike.setdefault((v.says, bounded or "verdict" * bool(v.reason)), []).append(letter(v.name))
+    for (says, code), unknowns in alike.items():
         if len(unknowns) == 1:
-            yield Note(f"{unknowns[0]} {says}.", "verdict" * explained)
+            yield Note(f"{unknowns[0]} {says}.", code)
         else:
             yield f"{', '.join(unknowns[:-1])} and {unknowns[-1]} {_of_several(says)}."
 

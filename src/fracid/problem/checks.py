@@ -218,12 +218,16 @@ def hidden_starts(p: Parametrisation, e: Experiment) -> dict[str, tuple[float, f
 
     Of states that relax: an integral of others begins at 0 by its meaning, so does a springpot's, and a speed at rest.
     They rest where all of them do beside the outputs as measured, to first order; that is away from 0 in its range.
+    Hysteresis relaxes in motion alone, and a slope at the start that may be noise is no motion.
     """
     model, start = p.model, p.unpack(p.start, e)
     x = np.array([start.initial] * len(rows := np.linspace(0, len(e.measured) - 1, ROWS).astype(int)))
-    for k, name in enumerate(p.outputs):
-        if name in model.output_states and name not in e.sensors:
-            x[:, model.output_states[name]] = e.measured[rows, k]
+    for name, y, slope in zip(p.outputs, e.measured.T, e.first_values()[1], strict=True):
+        i, noise = model.output_states.get(name), float(np.linalg.norm(e.slope_weights)) * noise_floor(y)
+        if i is not None and name not in e.sensors:
+            x[:, i] = y[rows]
+        if i in p.rates and abs(slope) <= max(ELSEWHERE * np.ptp(np.diff(y)) / e.step, CHANCE * noise):
+            x[:, p.rates[i]] = 0.0
     u = e.inputs[np.linspace(0, len(e.inputs) - 1, ROWS).astype(int)]
     at_start = model.derivatives(x[0], u[0], start.parameters)
     slopes = [model.derivatives(x[0] + d, u[0], start.parameters) - at_start for d in PROBE * np.eye(len(x[0]))]

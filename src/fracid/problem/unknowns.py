@@ -5,7 +5,7 @@ A :class:`Prior` is a normal density on a free parameter."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -88,6 +88,16 @@ class Free:
         if self.prior is not None and abs(self.start - self.prior.mean) > FAR * self.prior.sd:
             deviations = abs(self.start - self.prior.mean) / self.prior.sd
             raise InputError(SAYS("start-far-from-prior", start=self.start, deviations=deviations, prior=self.prior))
+
+    def ending(self, interval: Iterable[float]) -> list[float]:
+        """Its bounds at which an interval ends.
+
+        Examples
+        --------
+        >>> Free(1.0, 0.5, 1.2).ending((0.9, 1.2)), Free(1.0, 0.5, 1.2).ending(())
+        ([1.2], [])
+        """
+        return [bound for bound in (self.lower, self.upper) if any(math.isclose(bound, end) for end in interval)]
 
 
 @dataclass(frozen=True)

@@ -65,7 +65,7 @@ WARNINGS = 20
 STILL_POINTS = 900
 """Of one line of a drawing, of few recordings."""
 
-BESIDE = (COARSE_STEP, "verdict", "cut", "spread")
+BESIDE = (COARSE_STEP, "verdict", "bounded", "cut", "spread")
 """Codes of warnings that stand where the page says more: at the checks, and in the rows of tables."""
 
 WIDE = 0.5

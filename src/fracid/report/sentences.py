@@ -100,7 +100,7 @@ def interval(estimate: Mapping[str, Any]) -> str:
     ends = estimate.get("interval95")
     if ends is None or estimate.get("value") is None:
         return number(None)
-    return typeset(interval_beside(estimate["value"], *ends))
+    return typeset(interval_beside(estimate["value"], *ends, cut=estimate.get("cut", False)))
 
 
 def said(e: Mapping[str, Any]) -> str:

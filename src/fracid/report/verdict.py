@@ -11,7 +11,7 @@ from fracid.optimise.base import Outcome
 from fracid.report.material import Material
 from fracid.report.sentences import counted, digits, half_width_of, joined, said, search_sentence, state_letter
 from fracid.safety.door import own_text
-from fracid.selection.claim import NO_FIT
+from fracid.selection.claim import LACKS, NO_FIT
 from fracid.selection.doubts import POOR, doubts
 from fracid.selection.integer_rival import OFF
 from fracid.units import letter, number
@@ -308,7 +308,9 @@ def _left_over(material: Material) -> Iterator[tuple[str, bool]]:
     if structured := _structured(material, "fit"):
         worst = max(structured, key=lambda a: a.whiteness.correlation_time)
         time = number(worst.whiteness.correlation_time, ".2g")
-        yield f"The residual of {letter(worst.output)} is correlated over {time} s: it is not noise alone.", False
+        shaken = "shaken" in (codes := material.result["claim_codes"]) and not LACKS.intersection(codes)
+        why = "the noise of a recorded input explains that" if shaken else "it is not noise alone"
+        yield f"The residual of {letter(worst.output)} is correlated over {time} s: {why}.", shaken
     elif tested := _tested(material, "fit"):
         white = all(a.whiteness.white for a in tested)
         yield f"The residuals are {'white noise' if white else 'noise and rounding'}.", True

@@ -93,6 +93,8 @@ class OrderFound:
     a springpot of an order next to 0, and its bound that order an interval that excludes 0."""
     shown: tuple[float, float] | None = None
     """Its interval, as tables have it; None: as long as that side on both."""
+    cut: bool = False
+    """Whether that ends at a bound of its own."""
     rungs: frozenset[str] = frozenset({SPRINGPOT.rung})
     """What compare can look for in its place."""
     swings: bool = True
@@ -131,8 +133,8 @@ class OrderFound:
 
     def __str__(self) -> str:
         """``μ = 0.9570 ± 0.0030``: as tables have it, unless that seems to tell otherwise than what decides."""
-        shown, half = "" if self.shown is None else with_interval(self.value, *self.shown), half_of(self.shown)
-        if not shown or ("±" in shown and (self.distance > half) != (self.distance > self.half)):
+        shown = "" if self.shown is None else with_interval(self.value, *self.shown, cut=self.cut)
+        if not shown or ("±" in shown and (self.distance > half_of(self.shown)) != (self.distance > self.half)):
             shown = with_half_width(self.value, self.half)
         return f"{letter(self.name)} = {shown}"
 
@@ -162,7 +164,8 @@ def orders_found(problem: Problem, x: FloatArray, precision: Known) -> tuple[Ord
         if not isinstance(precision, Failure) and (interval := precision.interval(x, i)) is not None:
             below = bool(order.integers) and order.nearest < value
             half = value - interval[0] if below else interval[1] - value
-            order = replace(order, half=half, beyond_bounds=precision.half_beyond_bounds(i), shown=interval)
+            beyond, cut = precision.half_beyond_bounds(i), bool(problem.unknowns[i].range.ending(interval))
+            order = replace(order, half=half, beyond_bounds=beyond, shown=interval, cut=cut)
         found.append(order)
     return tuple(found)
 
@@ -210,8 +213,9 @@ def claim_of(
         return _undecided(SAYS("no-fit", each=each), SAYS("decide-model", again=again))
     off = [order for order in orders if order.off]
     unexplained = _unexplained({where: e for where, e in left_over.items() if not e.noise}, again)
-    as_noise = [where for where, e in left_over.items() if e.noise and not e.explained]
-    coloured = [SAYS("coloured", each=" and ".join(as_noise))] if as_noise else []
+    as_noise = {where: e.inputs for where, e in left_over.items() if e.noise and not e.explained}
+    whose = {inputs: " and ".join(w for w in as_noise if as_noise[w] == inputs) for inputs in as_noise.values()}
+    coloured = [SAYS("shaken" if inputs else "coloured", each=each, inputs=inputs) for inputs, each in whose.items()]
     rungs = frozenset() if compared else orders[0].rungs
     decides = SAYS("decide-white", where=SAYS("compare") if rungs else "")
     if element is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, partial
 
@@ -12,6 +12,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.estimation.block_jacobian import BlockJacobian
 from fracid.estimation.derivatives import by_all
+from fracid.estimation.input_noise import noisy_inputs, shaken
 from fracid.estimation.records import RecordingFit, fit_of
 from fracid.problem import Problem
 from fracid.signals.coloured import is_coloured_noise
@@ -34,8 +35,10 @@ def leftovers(problem: Problem, x: FloatArray) -> dict[str, LeftOver]:
         J = None if problem.blocks is not None or windows else by_all(problem, x)
         return J.parts if isinstance(J, BlockJacobian) else [np.zeros((*e.measured.shape, 0)) for e in recordings]
 
-    def of(problem: Problem) -> dict[str, LeftOver]:
+    def of(problem: Problem, errors: Sequence[FloatArray] = ()) -> dict[str, LeftOver]:
         fits = [fit_of(problem, x, e.name, "fit", initial={}, parameters={}) for e in recordings]
+        for k, (r, e) in enumerate(zip(fits, errors, strict=False)):
+            fits[k] = replace(r, measured={n: r.fitted[n] + d for n, d in zip(problem.outputs, e.T, strict=True)})
         return {
             f"{r.name}, {letter(n)}":
                 _left_over(r, n, e.inputs, partial(lambda i, k: derivatives()[i][:, k], i, k))
@@ -44,10 +47,15 @@ def leftovers(problem: Problem, x: FloatArray) -> dict[str, LeftOver]:
         }  # fmt: skip
 
     left = of(problem)
-    if all(found.noise for found in left.values()):
+    if not all(found.noise for found in left.values()):
+        finer = of(replace(problem, substeps=FINER * problem.substeps))
+        left = finer if finer and all(found.noise for found in finer.values()) else left
+    by_noise = None if all(found.explained for found in left.values()) else shaken(problem, x)
+    if by_noise is None or len(by_noise[1]) != len(recordings):  # none, or of windows
         return left
-    finer = of(replace(problem, substeps=FINER * problem.substeps))
-    return finer if finer and all(found.noise for found in finer.values()) else left
+    by_inputs, names = of(problem, by_noise[1]), " and ".join(map(letter, noisy_inputs(problem)))
+    return {where: replace(e, coloured=True, inputs=names) if by_inputs[where].noise and not e.explained else e
+            for where, e in left.items()}  # fmt: skip
 
 
 def _left_over(r: RecordingFit, output: str, inputs: FloatArray, unknowns: Callable[[], FloatArray]) -> LeftOver:

@@ -49,6 +49,8 @@ class LeftOver(Record):
     """Of the motion, 100·(1 − residual/motion) [%]."""
     coloured: bool = False
     """Whether it is correlated as noise is, alike wherever the motion goes (:mod:`fracid.signals.coloured`)."""
+    inputs: str = ""
+    """The recorded inputs whose noise makes it so, in words (:mod:`fracid.estimation.input_noise`); "" for none."""
 
     @property
     def noise(self) -> bool:

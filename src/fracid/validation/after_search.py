@@ -367,9 +367,8 @@ def _cannot_explain(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[
 def hidden_starts(problem: Problem, x: FloatArray, recording: str) -> str:
     """What to type where states begin at 0 because no output shows them; nothing where there are none."""
     e, _ = problem.recordings[recording]
-    if problem.in_windows or problem.initial_state != "estimate" or e.past is not None:
-        return ""
-    if not (hidden := problem.unstated(x, e)):
+    told = problem.in_windows or problem.initial_state != "estimate" or e.past is not None
+    if told or not (hidden := problem.unstated(x, e)):
         return ""
     states = problem.model.states
     moved = np.nan_to_num(np.ptp(problem.simulate(x, e).states, axis=0))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 from fracid.estimation.records import RecordingFit
 from fracid.findings import Finding, Words
 from fracid.selection.doubts import POOR
+from fracid.signals.left_over import LeftOver
 from fracid.units import letter, plain, with_unit
 from fracid.validation.residual_sentences import words_of
 
@@ -21,7 +22,7 @@ WORSE = 3.0
 
 
 def misfits(
-    recordings: Mapping[str, RecordingFit], starts: int, coloured: Collection[str] = (),
+    recordings: Mapping[str, RecordingFit], starts: int, residuals: Mapping[str, LeftOver] | None = None,
     hidden: Callable[[str], str] = lambda _: "",
 ) -> Iterator[Finding]:  # fmt: skip
     """What a fit leaves over of the recordings that it was made from, where it is no noise.
@@ -31,9 +32,8 @@ def misfits(
     recordings : mapping
     starts : int
         Of the search.
-    coloured : collection of str
-        Recordings and outputs, in words, whose residual is correlated as noise is:
-        :func:`fracid.selection.residual_noise.leftovers`.
+    residuals : mapping, optional
+        Recording and output, in words → what :func:`fracid.selection.residual_noise.leftovers` finds of it.
     hidden : function
         Of a recording: what to type for states that no output shows.
     """
@@ -46,7 +46,8 @@ def misfits(
                                    hidden=hidden(r.name))  # fmt: skip
                 continue
             left = r.left_over(output)
-            cause = SAYS("coloured" if f"{r.name}, {letter(output)}" in coloured else "lacks") + again
+            of = (residuals or {}).get(f"{r.name}, {letter(output)}", left)
+            cause = SAYS("shaken" if of.inputs else "coloured" if of.coloured else "lacks", inputs=of.inputs) + again
             if left.known and not left.explained:
                 yield SAYS.finding("misfit-of-known", f"{r.name}: {output}", left.rms, 1.0, cause=cause)
             elif not left.known and MISFIT < left.times < math.inf and not left.white:

@@ -17,6 +17,7 @@ code         z, of one output y                    seen as
 (an input)   :math:`-∂y/∂δ`, by simulation         the same of what drives
 ``scaled``   :math:`-y`                            a wrong gain, wrong counts per turn
 ``off-zero`` −1                                    the zero that is δ off
+(an input)   :math:`-∂y/∂δ`, by simulation         the offset of a current sensor, of a load cell
 ``drifts``   :math:`-t/T`                          a zero that is δ off at the end
 ``play``     :math:`\tfrac12 \mathrm{sgn}\,\dot y` a hub, a gear or a belt with play δ
 ============ ===================================== ==================================================================
@@ -53,7 +54,7 @@ from fracid.estimation.covariance import LEAST_SHIFT, Known
 from fracid.estimation.derivatives import row_weights
 from fracid.estimation.tangent import Tangent, tangent
 from fracid.findings import Finding, Words
-from fracid.problem import Experiment, Problem
+from fracid.problem import Experiment, Free, Problem, Sensor
 from fracid.quantiles import NORMAL_95
 from fracid.signals.correlation import bartlett_long_run, sokal_bandwidth
 from fracid.signals.swing import swing_period, tail
@@ -80,13 +81,17 @@ ALIKE = 0.8
 """Of what the best explains: who explains less is not named in its place."""
 
 EARLY = 0.95
-"""One signal is as late as the other is early, where the start is free: what is late is named."""
+"""One signal is as late as the other is early, where the start is free: what is late is named; and of an output and an
+input whose zeros do the same to a thousandth, the output."""
 
 NUMBERS = 4e6
 """Entries of J that are looked at; of longer recordings the beginning."""
 
 FEWEST = 2000
 """Samples of each recording, or all it has: of so many recordings that less is left nothing is said."""
+
+NUDGE = 1e-3
+"""Of an input's range, by which its zero is moved."""
 
 NOTHING = 1e-6
 """What is left over [rad], below which it is arithmetic."""
@@ -144,7 +149,7 @@ def misread(problem: Problem, every: Iterable[Misreading]) -> Iterator[Finding]:
     most = max((m.share for m in candidates), default=0.0)
     matter = [m for m in candidates if m.share > ALIKE * most and (_moves(m) or m.share > MOST)]
     if matter:
-        best = max(matter, key=lambda m: m.share if m.size > 0 else EARLY * m.share)
+        best = max(matter, key=lambda m: round(EARLY * m.share if m.code == "late" and m.size < 0 else m.share, 3))
         explains = ("explains", best.signal, 100 * best.share, 100 * MOST)
         why = ("moves", best.signal, best.half_intervals, MOVES) if _moves(best) else explains
         yield SAYS.finding(*why, says=_size(problem, best), best=best, fix=_fix(problem, best),
@@ -263,27 +268,29 @@ def _forms(problem: Problem, x: FloatArray) -> list[Form] | None:
                           for e, y in zip(problem.experiments, fitted, strict=True)])
         for k, output in enumerate(problem.outputs) for code, form in FORMS.items()
     ]  # fmt: skip
-    return forms + _late_inputs(problem, x, fitted)
+    return [*forms, *_forms_of_inputs(problem, x)]
 
 
-def _late_inputs(problem: Problem, x: FloatArray, fitted: list[FloatArray | Failure]) -> list[Form]:
-    """All inputs a sample later."""
-    if not any(e.driven for e in problem.experiments):
-        return []
-    late = replace(problem, experiments=tuple(_later(e, 1) for e in problem.experiments))
-    later = [late.fitted(x, e) for e in late.experiments]
-    if any(isinstance(y, Failure) for y in later):
-        return []
-    each = zip(late.experiments, fitted, later, strict=True)
-    return [(("late", problem.model.inputs[0]), [(np.asarray(y) - np.asarray(z)) / e.step for e, y, z in each])]
+def _forms_of_inputs(problem: Problem, x: FloatArray) -> Iterator[Form]:
+    """All inputs that vary a sample later, and each a little lower, by the actuator that makes them so."""
+    model, moved = problem.model, np.max([np.ptp(e.inputs, axis=0) for e in problem.experiments], axis=0).tolist()
+    varied = {n: NUDGE * far for n, far in zip(model.inputs, moved, strict=True) if far > 0.0}
+    faults = [("late", "delay", [*varied], 0.0)] * bool(varied)
+    faults += [("off-zero", "bias", [n], size) for n, size in varied.items() if n not in model.input_rates]
+    was = problem.errors(x)
+    for code, quantity, names, size in faults:
+        changed = tuple(_actuated(e, names, quantity, -size or e.step) for e in problem.experiments)
+        errors = replace(problem, experiments=changed, memo=None).errors(x)
+        if not isinstance(errors, Failure) and not isinstance(was, Failure):
+            each = zip(problem.experiments, errors, was, strict=True)
+            yield (code, names[0]), [(y - z) / (size or e.step) for e, y, z in each]
 
 
-def _later(e: Experiment, samples: int) -> Experiment:
-    """The inputs later."""
-    if len(e.inputs) == 1:
-        return e
-    source = None if e.source is None else _later(e.source, samples * e.means)
-    return replace(e, inputs=np.vstack([np.repeat(e.inputs[:1], samples, axis=0), e.inputs[:-samples]]), source=source)
+def _actuated(e: Experiment, names: Iterable[str], quantity: str, by: float) -> Experiment:
+    """The inputs moved; by a quantity that is free its unknown does so."""
+    actuators = {n: (s := e.actuators.get(n, Sensor()), getattr(s, quantity)) for n in names}
+    moved = {n: replace(s, **{quantity: at + by}) for n, (s, at) in actuators.items() if not isinstance(at, Free)}
+    return replace(e, actuators={**e.actuators, **moved})
 
 
 # --- the sentences --------------------------------------------------------------------------------------
@@ -292,7 +299,7 @@ def _later(e: Experiment, samples: int) -> Experiment:
 def _size(problem: Problem, m: Misreading) -> str:
     size, code = abs(m.size), "late-input" if m.code == "late" and m.signal in problem.model.inputs else m.code
     less, more = {"late": ("early", "late"), "late-input": ("earlier", "later")}.get(code, ("small", "large"))
-    far = with_unit(size, problem.experiments[0].units.get(m.signal, "rad"))
+    far = with_unit(size, {**problem.experiments[0].units, **problem.model.input_units}.get(m.signal, "rad"))
     return SAYS(code, ms=1e3 * size, percent=100 * size, far=far, which=more if m.size > 0 else less)
 
 
@@ -302,4 +309,5 @@ def _fix(problem: Problem, m: Misreading) -> str:
         tail(e.measured[:, problem.outputs.index(m.signal)])[2] for e in problem.experiments
     )
     zero = 'Type zero = "rest"' if rests else "Look at zero"
-    return SAYS(f"fix-{m.code}", least=-far, most=far, zero=zero, rest=model.rest_of(m.signal) or "the model's rest")
+    rest = f"free {own}" if (own := model.rest_of(m.signal)) else SAYS("bias", least=-far, most=far)
+    return SAYS(f"fix-{m.code}", least=-far, most=far, zero=zero, rest=rest)
