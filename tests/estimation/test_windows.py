@@ -117,6 +117,7 @@ def test_the_steps_of_a_window_are_fine_unless_they_are_fixed(stand):
     assert beginning(stand, 0.6, fixed_step=True).substeps == 1
     assert beginning(replace(stand, substeps=16), 0.6).substeps == 16
     assert beginning(stand, 12.0).substeps == 1
+    assert beginning(stand, 0.05).substeps == 16  # a window has 36 samples, however few seconds it is asked for
 
 
 def test_windows_hold_every_sample_once_and_share_all_but_their_starts(stand):
@@ -298,6 +299,13 @@ def test_what_tumbles_before_it_dies_asks_for_windows_and_what_only_dies_does_no
     (tmp_path / "double.toml").write_text(DOUBLE)
     problem = fracid.load_project(tmp_path / "double.toml").problem
     assert (chosen_window(problem) is not None) == tumbles
+
+
+def test_a_false_minimum_in_which_starts_are_lost_within_some_samples_asks_for_no_windows(stand):
+    """A hundredth of a thousandth of the rod falls as a stiff contact parts: no window of it is worth its starts."""
+    light = replace(stand, parameters={**TRUTH, "J": 1e-6})
+    assert math.isfinite(prediction(light, light.start).seconds)
+    assert chosen_window(light) is None
 
 
 def test_windows_are_asked_for_at_the_minimum_where_a_start_that_is_far_off_shows_no_need_of_them():

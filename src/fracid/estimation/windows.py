@@ -239,7 +239,7 @@ def beginning(problem: Problem, seconds: float, fixed_step: bool = False) -> Pro
 
 def _substeps(problem: Problem, seconds: float) -> int:
     """Steps a sample with which a search in windows of so many seconds begins."""
-    steps = max(STEPS * PARTS * e.step / seconds for e in problem.experiments)
+    steps = max(STEPS * PARTS / _length(e, seconds) for e in problem.experiments)
     return int(2 ** max(0, math.ceil(math.log2(steps))))
 
 
@@ -272,7 +272,8 @@ def chosen_window(problem: Problem, x: FloatArray | None = None) -> float | None
         if not can_be_windowed(problem):
             return None
         found = prediction(problem, problem.start if x is None else x)
-        return PARTS * found.window if found.window > 0 and math.isfinite(found.seconds) else None
+        window, least = PARTS * found.window, SAMPLES * max(e.step for e in problem.experiments)
+        return window if window >= least and math.isfinite(found.seconds) else None
     if problem.windows == "none":
         return None
     seconds, least = problem.windows, 2 * max(e.step for e in problem.experiments)
@@ -330,10 +331,15 @@ def _equal_spans(first: int, end: int, count: int) -> list[tuple[int, int]]:
     return list(pairwise(np.linspace(first, end, count + 1).astype(int).tolist()))
 
 
+def _length(e: Experiment, seconds: float) -> int:
+    """Samples of a window of so many seconds, whose parts hold some samples and every delay."""
+    return max(SAMPLES * PARTS, round(seconds / e.step), math.ceil(2 * PARTS * e.longest_delay / e.step))
+
+
 def _in_turn(e: Experiment, seconds: float, of: int, parts: int, remembers: bool) -> Iterator[Experiment]:
     """Windows of one `of` so many recordings, of all of its samples where these are not too many; or their parts."""
     samples = len(e.measured)
-    length = max(SAMPLES * PARTS, round(seconds / e.step), math.ceil(2 * PARTS * e.longest_delay / e.step))
+    length = _length(e, seconds)
     pairs, whole = _equal_spans(0, samples, max(1, samples // length)), piece(e, e.name, 0, samples)
     most = max(math.ceil(FEWEST / of), min(MOST, LONG // length) // of)
     if len(pairs) > most:
