@@ -28,6 +28,7 @@ from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import COSTS
 from fracid.quantiles import NORMAL_95
 from fracid.validation.discretisation import Discretisation
+from fracid.workflows.profiles import run_profiles
 
 pytestmark = pytest.mark.usefixtures("without_rivals")
 
@@ -388,3 +389,33 @@ def test_the_cost_of_a_residual_is_that_of_its_parts(cost):
     )
     assert len(each) == 4
     assert sum(each) == pytest.approx(whole, rel=0.01)  # but for the steps between them
+
+
+def test_profiles_of_one_recording_in_windows_need_no_spread_over_recordings(tmp_path):
+    """There are more windows than recordings: it ended in the error of a spread that nobody had asked for."""
+    seen, torque = balanced(1, end=2.0)
+    columns = np.column_stack([STEP * np.arange(len(seen)), seen, torque])
+    np.savetxt(tmp_path / "stand.csv", columns, delimiter=",", header="t,angle,torque", comments="")
+    (tmp_path / "stand.toml").write_text(f"""
+[model]
+name = "pendulum"
+zero = "upright"
+[model.orders]
+mu = 1.0
+[model.parameters]
+gravity = {TRUTH["gravity"]}
+coulomb_angle = {TRUTH["coulomb_angle"]}
+b_angle = {TRUTH["b_angle"]}
+J = {{ start = 4e-3, lower = 1e-3, upper = 1e-2 }}
+[[recording]]
+file = "stand.csv"
+time = "t"
+angle = {{ column = "angle", unit = "rad" }}
+torque = {{ column = "torque", unit = "N m", between = "hold" }}
+[fit]
+windows = 0.5
+substeps = 4
+""")
+    fracid.run(tmp_path / "stand.toml", out=tmp_path / "run")
+    found = run_profiles(tmp_path / "run", points=5)
+    assert found.profiles.profiles["J"].interval95 is not None
