@@ -128,7 +128,9 @@ class Prediction(NamedTuple):
 
 
 def prediction(problem: Problem, x: FloatArray) -> Prediction:
-    """For how long the model at x predicts, as runs from some places of each recording say it: what half of them reach.
+    """For how long the model at x predicts, as runs from some places of each recording say it.
+
+    Places after each other multiply what a start is off by; those where it does not grow tenfold twice do not count.
 
     Examples
     --------
@@ -147,16 +149,30 @@ def prediction(problem: Problem, x: FloatArray) -> Prediction:
     seconds, windows = [], []
     for e in problem.experiments:
         grown = _growths(problem, x, e, PLACES)
-        window, later = (median_low(g[k] for g in grown) if grown else math.inf for k in (0, 1))
-        limit = max(LOST, min((g[2] for g in grown), default=math.inf))
-        time = window + (later - window) * math.log(limit / GROWTH) / math.log(GROWTH) if later < math.inf else math.inf
-        seconds.append(time if time < e.time[-1] else math.inf)
-        grown += _growths(problem, x, e, CLOSE) if time < e.time[-1] else []
-        windows.append(min((g[0] for g in grown), default=math.inf))
+        steady = [g for g in grown if g.squared < math.inf]
+        window, later = (median_low(g[k] for g in steady or grown) if grown else math.inf for k in (0, 1))
+        limit = max(LOST, min((g.limit for g in grown), default=math.inf))
+        lost = sum(math.log(g.most) for g in steady) > math.log(limit)
+        seconds.append(window + (later - window) * math.log(limit / GROWTH) / math.log(GROWTH) if lost else math.inf)
+        grown += _growths(problem, x, e, CLOSE) if lost else []
+        windows.append(min((g.window for g in grown), default=math.inf))
     return Prediction(min(seconds), min(windows))
 
 
-def _growths(problem: Problem, x: FloatArray, e: Experiment, places: int) -> list[tuple[float, float, float]]:
+class _Growth(NamedTuple):
+    """How what the start of a recording is off by grows."""
+
+    window: float
+    """When it has grown by :data:`GROWTH` [s]."""
+    squared: float
+    """When by its square [s]."""
+    limit: float
+    """The growth at which the start's noise is a third of the motion."""
+    most: float
+    """The growth by the recording's end, at most."""
+
+
+def _growths(problem: Problem, x: FloatArray, e: Experiment, places: int) -> list[_Growth]:
     """The growth from so many places of a recording, each to the next one.
 
     In parts of the size of its motion, and of that of its rate: of all of it, since an arm may stick while it swings.
@@ -171,12 +187,8 @@ def _growths(problem: Problem, x: FloatArray, e: Experiment, places: int) -> lis
     return [_growth(part, part.point(own), size, rate) for part in parts]
 
 
-def _growth(problem: Problem, x: FloatArray, size: FloatArray, rate: FloatArray) -> tuple[float, float, float]:
-    """When what the start of the one recording is off by has grown by :data:`GROWTH`, when by its square [s], and the
-    growth at which its noise is a third of the motion.
-
-    In parts of `size` and `rate`, of outputs that are states.
-    """
+def _growth(problem: Problem, x: FloatArray, size: FloatArray, rate: FloatArray) -> _Growth:
+    """The growth of the one recording, in parts of `size` and `rate`, of outputs that are states."""
     e, states = problem.experiments[0], problem.model.output_states
     seen = [k for k, n in enumerate(problem.outputs) if n in states]
     columns, measured = [states[problem.outputs[k]] for k in seen], e.measured[:, seen]
@@ -194,7 +206,8 @@ def _growth(problem: Problem, x: FloatArray, size: FloatArray, rate: FloatArray)
         growth[-1:] = math.inf
     reached = (growth >= by for by in (GROWTH, GROWTH**2))
     first, later = (float(run.time[np.argmax(g)]) if np.any(g) else math.inf for g in reached)
-    return first, later, float(np.min(size / (3 * np.maximum(noise, 1e-300)), initial=math.inf))
+    limit = float(np.min(size / (3 * np.maximum(noise, 1e-300)), initial=math.inf))
+    return _Growth(first, later, limit, float(np.max(growth)))
 
 
 def windowed(problem: Problem, seconds: float, parts: int = 1) -> Problem:
@@ -226,7 +239,7 @@ def beginning(problem: Problem, seconds: float, fixed_step: bool = False) -> Pro
 
 def _substeps(problem: Problem, seconds: float) -> int:
     """Steps a sample with which a search in windows of so many seconds begins."""
-    steps = max(STEPS * PARTS * e.step / seconds for e in problem.experiments)
+    steps = max(STEPS * PARTS / _length(e, seconds) for e in problem.experiments)
     return int(2 ** max(0, math.ceil(math.log2(steps))))
 
 
@@ -236,20 +249,19 @@ def lengthened(parts: Problem, x: FloatArray, whole: Problem) -> FloatArray:
     What ends at a bound in parts begins where the search did: parts tell little of how sharp a dry friction is, and
     from a sharp one no derivative leads back.
     """
-    starts = {e.name: e.start for e in parts.experiments}
+    begun, begins = ({e.name: f"{e.recording.name} {e.start:.9g}" for e in p.experiments} for p in (parts, whole))
     found = {
-        (u.target, u.experiment if u.kind != "initial" else f"{starts[u.experiment or '']:.9g}"): v
+        (u.target, begun.get(u.experiment or "", u.experiment)): v
         for u, v in zip(parts.unknowns, x.tolist(), strict=True)
         if u.kind == "initial" or u.range.lower < v < u.range.upper
     }
-    begins = {e.name: f"{e.start:.9g}" for e in whole.experiments}
     return np.array([
         found.get((u.target, begins.get(u.experiment or "", u.experiment)), u.range.start) for u in whole.unknowns
     ])  # fmt: skip
 
 
-def chosen_window(problem: Problem) -> float | None:
-    """Seconds of the windows that a problem asks for, or that its prediction asks for; None for none.
+def chosen_window(problem: Problem, x: FloatArray | None = None) -> float | None:
+    """Seconds of the windows that a problem asks for, or its prediction at x, its start if left out; None for none.
 
     Raises
     ------
@@ -257,10 +269,11 @@ def chosen_window(problem: Problem) -> float | None:
         If the seconds are no number, or what a window would begin with is not measured.
     """
     if problem.windows == "auto":
-        if not can_be_windowed(problem) or all(map(dies, problem.experiments)):
+        if not can_be_windowed(problem):
             return None
-        found = prediction(problem, problem.start)
-        return PARTS * found.window if found.window > 0 and math.isfinite(found.seconds) else None
+        found = prediction(problem, problem.start if x is None else x)
+        window, least = PARTS * found.window, SAMPLES * max(e.step for e in problem.experiments)
+        return window if window >= least and math.isfinite(found.seconds) else None
     if problem.windows == "none":
         return None
     seconds, least = problem.windows, 2 * max(e.step for e in problem.experiments)
@@ -283,12 +296,6 @@ def can_be_windowed(problem: Problem) -> bool:
     plain = all(e.times is None and e.source is None and e.past is None and not (e.initial or e.sparse)
                 for e in problem.experiments)  # fmt: skip
     return problem.cost_function.loss is not None and problem.told >= {*problem.model.states} and plain
-
-
-def dies(e: Experiment) -> bool:
-    """Whether nothing drives a recording and its motion dies: a simulation follows that to the end."""
-    y, quarter = e.most_moved, max(2, len(e.measured) // 4)
-    return not e.driven and bool(np.std(y[-quarter:]) < 0.5 * np.std(y))
 
 
 def closes_a_loop(e: Experiment) -> bool:
@@ -324,10 +331,15 @@ def _equal_spans(first: int, end: int, count: int) -> list[tuple[int, int]]:
     return list(pairwise(np.linspace(first, end, count + 1).astype(int).tolist()))
 
 
+def _length(e: Experiment, seconds: float) -> int:
+    """Samples of a window of so many seconds, whose parts hold some samples and every delay."""
+    return max(SAMPLES * PARTS, round(seconds / e.step), math.ceil(2 * PARTS * e.longest_delay / e.step))
+
+
 def _in_turn(e: Experiment, seconds: float, of: int, parts: int, remembers: bool) -> Iterator[Experiment]:
     """Windows of one `of` so many recordings, of all of its samples where these are not too many; or their parts."""
     samples = len(e.measured)
-    length = max(SAMPLES * PARTS, round(seconds / e.step), math.ceil(2 * PARTS * e.longest_delay / e.step))
+    length = _length(e, seconds)
     pairs, whole = _equal_spans(0, samples, max(1, samples // length)), piece(e, e.name, 0, samples)
     most = max(math.ceil(FEWEST / of), min(MOST, LONG // length) // of)
     if len(pairs) > most:

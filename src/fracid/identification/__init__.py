@@ -21,6 +21,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -169,14 +170,20 @@ def identify(
         begin("search", "search")
         given, problem = problem, problem if memo is None else replace(problem, memo=memo)
         window = None if entry.keeps_its_own else chosen_window(problem)
-        work = beginning(problem, window, fixed_step) if window else problem
-        work = work if window or entry.keeps_its_own else coarse_problem(problem)
-        problem = windowed(problem, window) if window else problem
         checked: Discretisation | None = None
-        with _counted(work, entry, watching, callback) as tell:
+        with _counted(problem, entry, watching, callback) as tell:
             watch = Watch(jobs, log, tell)
-            result, attempts = search(work, entry, rng, starts=starts, watch=watch, options=options,
-                                      executor=executor, journal=journal)  # fmt: skip
+            run = partial(search, optimiser=entry, rng=rng, starts=starts, watch=watch, options=options,
+                          executor=executor)  # fmt: skip
+            if not window:
+                work = problem if entry.keeps_its_own else coarse_problem(problem)
+                result, attempts = run(work, journal=journal)
+                unasked = entry.keeps_its_own or result.interrupted
+                window = None if unasked else chosen_window(problem, result.best.point)
+                journal = None  # it has the starts of this search
+            if window:  # known at the start, or at the minimum alone: a model that is far off may fall, its rig stand
+                work, problem = beginning(problem, window, fixed_step), windowed(problem, window)
+                result, attempts = run(work, journal=journal)
             if window and not result.interrupted:
                 work, at, checked = _lengthened(work, result.best.point, problem, fixed_step, jobs=jobs)
                 result, attempts = refined(work, at, watch), ()

@@ -114,7 +114,7 @@ def run_profiles(
             resampling = Failure(FailureReason.REFUSED, str(error))
         watching.stage("identifiability")
         verdicts = identifiability(problem, x, precision, found.profiles, jobs=jobs)
-        several = len(problem.experiments) > 1 and not isinstance(precision, Failure)
+        several = len(problem.recordings) > 1 and not isinstance(precision, Failure)
         likelihood = _on_every_sample(found, fitted)
         record = as_json(Likelihood, vars(likelihood) | {
             "intervals": _intervals(likelihood, precision, resampling),
