@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import ROUNDED, FloatArray
 from fracid.errors import Failure, FailureReason
 from fracid.models.base import FadingState
 from fracid.problem.coarse import means, stepped
@@ -123,13 +123,26 @@ class Simulator:
             return Failure(FailureReason.RUN, f"{e.name}: {run.outcome.value} at t = {run.time[-1]:.4g} s")
         p, time = self.parametrisation, self._grid(e)[0].time
         readings = p.readings(p.unpack(x, e).parameters, e.sensors) if e.sensors else {}
+        own = {*p.outputs} - {*p.model.derived, *readings} if e.times is not None else set[str]()
         outputs = [
+            self._at_samples(x, e, run, n) if n in own else
             _read(self._signal(x, e, run, n), time, readings.get(n, Reading()), even=e.times is None) for n in p.outputs
-        ]
+        ]  # fmt: skip
         simulated = means(np.column_stack(outputs), min(p.substeps, e.means))
         if not np.all(np.abs(simulated) < ENDLESS):
             return Failure(FailureReason.RUN, f"{e.name}: an output is not finite")
         return simulated
+
+    def _at_samples(self, x: FloatArray, e: Experiment, run: Trajectory, output: str) -> FloatArray:
+        """One output at uneven samples, of states and inputs there: one that jumps at a sample has jumped."""
+        p, u, states = self.parametrisation, self.inputs(x, e).after, between(run, e.time)
+        y, places = p.model.outputs[output], (e.time - run.time[0]) / run.step
+        if isinstance(y, int):
+            return states[:, y]
+        jumped = np.ceil(places / p.substeps - ROUNDED) * p.substeps
+        held = [e.between.get(n) == "hold" for n in p.model.inputs]
+        rows = [np.interp(jumped if h else places, np.arange(len(u)), c) for h, c in zip(held, u.T, strict=True)]
+        return output_along(y, e.time, states, np.column_stack(rows), p=p.unpack(x, e).parameters)
 
     def _signal(self, x: FloatArray, e: Experiment, run: Trajectory, output: str) -> Trajectory:
         """One output on the grid of a run."""
