@@ -453,8 +453,8 @@ def _on_the_grid(
     held = np.isin(model.inputs, [*recording.held, *(n for n, rule in options["between"].items() if rule == "hold")])
     drives = len(inputs) > 1 and np.mean(np.any(np.diff(inputs[:, ~held], axis=0) != 0.0, axis=1)) > 0.5
     least = OF_AN_INPUT if drives and jitters else 1
-    jumping = OF_AN_INPUT if len(inputs) > 1 and np.any(np.ptp(inputs[:, held], axis=0) > 0.0) else 1
-    step /= max(math.ceil(jumping * LEAST_STEPS / _steps_to(float(times[-1]), step)), least)
+    many = LEAST_STEPS * (OF_AN_INPUT if np.any(np.ptp(inputs[:, held], axis=0) > 0.0) else 1)
+    step /= max(math.ceil(many / _steps_to(float(times[-1]), step)), least)
     count = _steps_to(float(times[-1]), step) + 1
     if count > MOST_UNEVEN:
         raise InputError(SAYS("uneven-step", recording=recording, step=step, length=times[-1], count=count,

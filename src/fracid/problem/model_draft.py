@@ -366,12 +366,10 @@ class _ModelPage:
     def _first_values(self, model: Model, gear: float) -> FirstValues:
         r, rows = next((r for r in self.recordings if moving_inputs(r, model)), self.recordings[0]), self.rows
         r = r.trim("release") if self.is_released(r) else r
-        step = r.report.clock.step
-        time = np.arange(r.time[0], r.time[-1], step)
+        time = np.arange(r.time[0], r.time[-1], step := r.report.clock.step)
         held = {n for n in r.signals if with_between(self.columns.get(n, {}), n, r, model).get("between") == "hold"}
-        signals: dict[str, FloatArray] = {
-            n: on_grid(r.time, np.nan_to_num(s), time, step, held=n in held) for n, s in r.signals.items()
-        }
+        signals: dict[str, FloatArray] = {n: on_grid(r.time, np.nan_to_num(s), time, step, held=n in held)
+                                          for n, s in r.signals.items()}  # fmt: skip
         for n, c in ((n, c) for n, c in self.columns.items() if n in signals):
             own = gear if n in self.table.get("geared", ())[1:] else 1.0
             gain, bias = _start(c.get("gain", own)), _start(c.get("bias", 0.0))

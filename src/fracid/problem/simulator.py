@@ -10,6 +10,9 @@ at rest, for a motion that is under way can begin anywhere.
 A channel that is late, scaled, offset or filtered (:mod:`fracid.problem.sensors`) is so here: outputs after the run,
 which goes on a little longer where one may be early, inputs before it.
 
+At uneven samples an output is that of states and inputs there: read between two steps, what jumps at a sample would be
+of both sides of the jump.
+
 With a `memo` nothing is simulated twice: outputs are kept under a hash of all that they depend on.
 """
 
@@ -123,9 +126,9 @@ class Simulator:
             return Failure(FailureReason.RUN, f"{e.name}: {run.outcome.value} at t = {run.time[-1]:.4g} s")
         p, time = self.parametrisation, self._grid(e)[0].time
         readings = p.readings(p.unpack(x, e).parameters, e.sensors) if e.sensors else {}
-        own = {*p.outputs} - {*p.model.derived, *readings} if e.times is not None else set[str]()
+        plain = {*p.outputs} - {*p.model.derived, *p.model.output_states, *readings} if e.times is not None else ()
         outputs = [
-            self._at_samples(x, e, run, n) if n in own else
+            self._at_samples(x, e, run, n) if n in plain else
             _read(self._signal(x, e, run, n), time, readings.get(n, Reading()), even=e.times is None) for n in p.outputs
         ]  # fmt: skip
         simulated = means(np.column_stack(outputs), min(p.substeps, e.means))
@@ -134,15 +137,13 @@ class Simulator:
         return simulated
 
     def _at_samples(self, x: FloatArray, e: Experiment, run: Trajectory, output: str) -> FloatArray:
-        """One output at uneven samples, of states and inputs there: one that jumps at a sample has jumped."""
-        p, u, states = self.parametrisation, self.inputs(x, e).after, between(run, e.time)
-        y, places = p.model.outputs[output], (e.time - run.time[0]) / run.step
-        if isinstance(y, int):
-            return states[:, y]
-        jumped = np.ceil(places / p.substeps - ROUNDED) * p.substeps
-        held = [e.between.get(n) == "hold" for n in p.model.inputs]
-        rows = [np.interp(jumped if h else places, np.arange(len(u)), c) for h, c in zip(held, u.T, strict=True)]
-        return output_along(y, e.time, states, np.column_stack(rows), p=p.unpack(x, e).parameters)
+        """An output at uneven samples, of states and inputs there: an input that jumps at a sample has jumped."""
+        p, u, times = self.parametrisation, self.inputs(x, e).after, np.clip(e.time, run.time[0], run.time[-1])
+        jumped = e.step * np.ceil(times / e.step - ROUNDED)
+        at = [jumped if e.between.get(n) == "hold" else times for n in p.model.inputs]
+        now = np.array([np.interp(t, run.time[-len(c) :], c) for t, c in zip(at, u.T, strict=True)])
+        y, now = p.model.outputs[output], now.T.reshape(len(times), -1)
+        return output_along(y, times, between(run, times), now, p=p.unpack(x, e).parameters)  # type: ignore[arg-type]
 
     def _signal(self, x: FloatArray, e: Experiment, run: Trajectory, output: str) -> Trajectory:
         """One output on the grid of a run."""
