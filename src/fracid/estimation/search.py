@@ -64,10 +64,7 @@ CANDIDATES = 8
 """Sobol points that are scored on the first swing, for each that goes on."""
 
 DRAWS = 4
-"""Times that so many are drawn, where the runs of most fail."""
-
-OTHERS = 4
-"""Starts, where no run from the one that was asked for reaches its end."""
+"""Times that so many are drawn, where the runs of most fail; starts, where all runs from the one asked for do."""
 
 STRANGE = 1e50
 """What was measured does not reach as far; the regression takes fourth powers of it."""
@@ -126,7 +123,7 @@ def search(
         raise InputError(NO_ROWS)
     result, made = grown_horizon(problem, points, watch, spare)
     if starts == 1 and not (result.interrupted or result.best.cost < np.inf):
-        return search(problem, optimiser, rng, starts=OTHERS, watch=watch, options=options)
+        return search(problem, optimiser, rng, starts=DRAWS, watch=watch, options=options)
     return (result, made) if result.interrupted else _climbing(problem, result, made, watch)
 
 

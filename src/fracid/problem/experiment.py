@@ -42,6 +42,9 @@ LEAST_STEPS = 2000
 """Steps of a model from the first to the last of uneven samples: more than one from sample to sample where these are
 few, for what relaxes between them must be followed too."""
 
+AT_FIRST = 100_000
+"""Steps, where no input varies, whose corners they must follow: a fit halves them as long as that changes anything."""
+
 MOST_UNEVEN = 10**7
 """Steps of a model from the first to the last of uneven samples: what the compressed memory is certified for."""
 
@@ -452,8 +455,9 @@ def _on_the_grid(
     jitters = np.median(np.diff(times)) < CROWDS * step
     held = np.isin(model.inputs, [*recording.held, *(n for n, rule in options["between"].items() if rule == "hold")])
     drives = len(inputs) > 1 and np.mean(np.any(np.diff(inputs[:, ~held], axis=0) != 0.0, axis=1)) > 0.5
-    least = OF_AN_INPUT if drives and jitters else 1
-    many = LEAST_STEPS * (OF_AN_INPUT if np.any(np.ptp(inputs[:, held], axis=0) > 0.0) else 1)
+    least, varies = OF_AN_INPUT if drives and jitters else 1, np.ptp(inputs, axis=0) > 0.0
+    step *= 1 if np.any(varies) else max(1, _steps_to(float(times[-1]), step) // AT_FIRST)
+    many = LEAST_STEPS * (OF_AN_INPUT if np.any(varies[held]) else 1)
     step /= max(math.ceil(many / _steps_to(float(times[-1]), step)), least)
     count = _steps_to(float(times[-1]), step) + 1
     if count > MOST_UNEVEN:

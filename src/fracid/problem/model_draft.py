@@ -386,8 +386,7 @@ class _ModelPage:
             found = first_values(model, step, about, free, optional=optional, starts=starts)
             return replace(found, values={n: v + rests.get(n, 0.0) for n, v in found.values.items()})
 
-        either = [beginning_at(rests) for rests in ({}, self.middles)[: 1 + bool(self.middles)]]
-        return max(either, key=lambda found: found.explained)
+        return max(map(beginning_at, ({}, self.middles)[: 1 + bool(self.middles)]), key=lambda found: found.explained)
 
     @cached_property
     def middles(self) -> dict[str, float]:

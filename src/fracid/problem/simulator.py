@@ -141,8 +141,8 @@ class Simulator:
         p, u, times = self.parametrisation, self.inputs(x, e).after, np.clip(e.time, run.time[0], run.time[-1])
         jumped = e.step * np.ceil(times / e.step - ROUNDED)
         at = [jumped if e.between.get(n) == "hold" else times for n in p.model.inputs]
-        now = np.array([np.interp(t, run.time[-len(c) :], c) for t, c in zip(at, u.T, strict=True)])
-        y, now = p.model.outputs[output], now.T.reshape(len(times), -1)
+        rows = [np.interp(t, run.time[-len(c) :], c) for t, c in zip(at, u.T, strict=True)]
+        y, now = p.model.outputs[output], np.reshape(rows, (-1, len(times))).T
         return output_along(y, times, between(run, times), now, p=p.unpack(x, e).parameters)  # type: ignore[arg-type]
 
     def _signal(self, x: FloatArray, e: Experiment, run: Trajectory, output: str) -> Trajectory:
