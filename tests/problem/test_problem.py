@@ -850,6 +850,17 @@ def test_an_output_at_the_sample_with_which_a_held_current_jumps_has_the_current
         assert p.fitted(p.start, e)[:, 0] == pytest.approx(log.signals["voltage"], abs=1e-3)
 
 
+@pytest.mark.parametrize(("load", "least", "most"), [(np.ones(60), 1e5, 2e5), (np.linspace(1, 2, 60), 4e5, 5e5)])
+def test_a_creep_log_begins_with_fewer_steps_where_its_load_is_constant(load, least, most):
+    """Nothing between its samples has corners, and the check of the step makes more where they are needed."""
+    time = np.append(0.0, np.geomspace(1.0, 1e5, 59))
+    log = Recording.of("creep", time, {"displacement": time**0.3, "force": load}, {"displacement": "m", "force": "N"})
+    log = replace(log, report=replace(log.report, uneven=True))
+    e = Experiment.of(log, fracid.model("oscillator"), ["displacement"])
+    assert least < e.steps < most
+    assert np.array_equal(e.times, time)
+
+
 def _tank(t, x, u, p, out):
     out[0] = (2e5 - x[0]) / p[0]
 

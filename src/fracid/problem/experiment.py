@@ -3,7 +3,7 @@
 Its samples lie on a uniform grid, on which the model is stepped too.  Where they crowd about what happens, as those of
 a relaxation do, they stay where they are (`times`): the model is stepped by the smallest of their distances, but for
 one in a thousand, and read at them, and the inputs lie on the grid: those that go straight from sample to sample at its
-points, and those that are held by their means over its steps.
+points, and those that are held by their means over its steps.  Where no input varies, longer steps may do.
 """
 
 from __future__ import annotations
