@@ -269,6 +269,17 @@ def test_a_start_that_a_short_horizon_leads_to_where_runs_fail_goes_on_from_wher
     assert result.best.cost < p.cost(p.start) < np.inf
 
 
+def test_a_start_of_which_every_run_fails_gives_way_to_others():
+    """Where one start was asked for, as by default."""
+    model = escaping_model()
+    run = fracid.simulate(model, orders={}, initial={"x": 1.0}, step=0.01, end=8.0)
+    e = Experiment("x", 0.01, run.states, np.zeros((1, 0)))
+    p = Problem(model, (e,), {}, {"a": Free(1.0, 0.0, 3.0), "b": Free(50.0, 0.0, 60.0)}, initial_state="held")
+    result, made = search(p, MULTISTART, np.random.default_rng(1))
+    assert made[0].ended == "every run failed"
+    assert p.named(result.best.point) == pytest.approx({"a": 1.0, "b": 0.2}, abs=1e-3)
+
+
 @pytest.mark.broad
 def test_a_random_start_whose_run_fails_is_moved_and_not_lost():
     """From 1 on the first horizon, or on a later one."""

@@ -297,6 +297,19 @@ def test_leak_offset_and_growing_capacity_are_free_in_a_draft_for_equations_at_s
     assert {"C0", "R", "C1", "leak", "q", "current_rest [log]"} <= {*problem.names}
 
 
+def test_a_cell_that_is_charged_within_a_minute_of_an_hour_is_drafted_near_its_capacity_and_leak(tmp_path):
+    """Its current was taken as lines between samples that lie a minute apart, and its capacity fell below 0."""
+    rests = [b + np.cumsum(np.minimum(1.15 ** np.arange(60), 120.0)) for b in (10.42, 41.65)]
+    t = np.concatenate([[0.0, 5.0, 10.42], rests[0][rests[0] < 41.6], [41.65], rests[1][rests[1] < 3600]])
+    current = 0.8 * ((t >= 10.42) & (t < 41.65))
+    charge, rest = 0.8 * np.clip(t - 10.42, 0.0, 41.65 - 10.42), np.maximum(t - 41.65, 0.0)
+    voltage = charge / 12.0 * np.exp(-rest / 3000) + 0.1 * current
+    voltage += 2e-3 * np.random.default_rng(1).standard_normal(t.size)
+    _, problem = drafted(tmp_path, "capacitor", "time [s],current [A],voltage [V]", t, current, voltage)
+    for n, true in {"C0": 12.0, "leak": 4e-3}.items():
+        assert problem.parameters[n].start == pytest.approx(true, rel=0.3), n
+
+
 def drafted(folder, model, header, *columns):
     """The draft of a table, and its project."""
     np.savetxt(folder / "log.csv", np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.9g")

@@ -836,6 +836,31 @@ def test_a_held_input_jumps_neither_late_nor_early_on_the_grid_of_uneven_samples
     assert part.inputs[:, 0] == pytest.approx(at_other_samples(whole, e.inputs[:, 0], "hold", grid, e.step), abs=1e-9)
 
 
+def test_an_output_at_the_sample_with_which_a_held_current_jumps_has_the_current_after_the_jump():
+    """It had a mean over the step in which the jump lies, and half of the resistance's voltage."""
+    time = np.array([0.0, 9.0, 18.0, 20.37, 21.5, 23.0, 26.0, 41.91, 43.0, 47.0, 60.0, 100.0])
+    current = 1.0 * ((time >= 20.37) & (time < 41.91))
+    charged = np.clip(time - 20.37, 0.0, 41.91 - 20.37)
+    log = Recording.of("log", time, {"voltage": charged / 15 + 0.04 * current, "current": current}, {"current": "A"})
+    log = replace(log, report=replace(log.report, uneven=True))
+    e = Experiment.of(log, fracid.model("capacitor"), ["voltage"], between={"current": "hold"})
+    cell = fracid.model("capacitor", C0=15.0, C1=0.0, R=0.04)
+    for substeps in (1, 2):
+        p = Problem(cell, (e,), {"q": 1.0}, outputs=("voltage",), initial_state="rest", substeps=substeps)
+        assert p.fitted(p.start, e)[:, 0] == pytest.approx(log.signals["voltage"], abs=1e-3)
+
+
+@pytest.mark.parametrize(("load", "least", "most"), [(np.ones(60), 1e5, 2e5), (np.linspace(1, 2, 60), 4e5, 5e5)])
+def test_a_creep_log_begins_with_fewer_steps_where_its_load_is_constant(load, least, most):
+    """Nothing between its samples has corners, and the check of the step makes more where they are needed."""
+    time = np.append(0.0, np.geomspace(1.0, 1e5, 59))
+    log = Recording.of("creep", time, {"displacement": time**0.3, "force": load}, {"displacement": "m", "force": "N"})
+    log = replace(log, report=replace(log.report, uneven=True))
+    e = Experiment.of(log, fracid.model("oscillator"), ["displacement"])
+    assert least < e.steps < most
+    assert np.array_equal(e.times, time)
+
+
 def _tank(t, x, u, p, out):
     out[0] = (2e5 - x[0]) / p[0]
 

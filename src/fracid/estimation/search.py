@@ -64,7 +64,7 @@ CANDIDATES = 8
 """Sobol points that are scored on the first swing, for each that goes on."""
 
 DRAWS = 4
-"""Times that so many are drawn, where the runs of most fail."""
+"""Times that so many are drawn, where the runs of most fail; starts, where all runs from the one asked for do."""
 
 STRANGE = 1e50
 """What was measured does not reach as far; the regression takes fourth powers of it."""
@@ -122,6 +122,8 @@ def search(
         problem.evaluate(problem.start)  # one that fails says so
         raise InputError(NO_ROWS)
     result, made = grown_horizon(problem, points, watch, spare)
+    if starts == 1 and not (result.interrupted or result.best.cost < np.inf):
+        return search(problem, optimiser, rng, starts=DRAWS, watch=watch, options=options)
     return (result, made) if result.interrupted else _climbing(problem, result, made, watch)
 
 

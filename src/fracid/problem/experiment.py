@@ -3,7 +3,7 @@
 Its samples lie on a uniform grid, on which the model is stepped too.  Where they crowd about what happens, as those of
 a relaxation do, they stay where they are (`times`): the model is stepped by the smallest of their distances, but for
 one in a thousand, and read at them, and the inputs lie on the grid: those that go straight from sample to sample at its
-points, and those that are held by their means over its steps.
+points, and those that are held by their means over its steps.  Where no input varies, longer steps may do.
 """
 
 from __future__ import annotations
@@ -41,6 +41,9 @@ DEVIATION = "_sd"
 LEAST_STEPS = 2000
 """Steps of a model from the first to the last of uneven samples: more than one from sample to sample where these are
 few, for what relaxes between them must be followed too."""
+
+AT_FIRST = 100_000
+"""Steps, where no input varies, whose corners they must follow: a fit halves them as long as that changes anything."""
 
 MOST_UNEVEN = 10**7
 """Steps of a model from the first to the last of uneven samples: what the compressed memory is certified for."""
@@ -452,8 +455,10 @@ def _on_the_grid(
     jitters = np.median(np.diff(times)) < CROWDS * step
     held = np.isin(model.inputs, [*recording.held, *(n for n, rule in options["between"].items() if rule == "hold")])
     drives = len(inputs) > 1 and np.mean(np.any(np.diff(inputs[:, ~held], axis=0) != 0.0, axis=1)) > 0.5
-    least = OF_AN_INPUT if drives and jitters else 1
-    step /= max(math.ceil(LEAST_STEPS / _steps_to(float(times[-1]), step)), least)
+    least, varies = OF_AN_INPUT if drives and jitters else 1, np.ptp(inputs, axis=0) > 0.0
+    step *= 1 if np.any(varies) else max(1, _steps_to(float(times[-1]), step) // AT_FIRST)
+    many = LEAST_STEPS * (OF_AN_INPUT if np.any(varies[held]) else 1)
+    step /= max(math.ceil(many / _steps_to(float(times[-1]), step)), least)
     count = _steps_to(float(times[-1]), step) + 1
     if count > MOST_UNEVEN:
         raise InputError(SAYS("uneven-step", recording=recording, step=step, length=times[-1], count=count,

@@ -251,6 +251,7 @@ class _Equations:
         every = max(1, (n - 2 * edge) // (STEPS if self.simulated else SAMPLES))
         self.at = np.arange(edge, n - edge, every)
         self.step, self.x, self.u = every * step, x[self.at], u[self.at]
+        self.flows = np.add.reduceat(u, self.at) / np.diff(self.at, append=n)[:, None]
         self.slopes = {i: s[self.at] for i, s in self.slopes.items()}
         self.outputs = {} if measured else {h: signals[name][self.at] for name, h in model.outputs.items()
                                             if name in signals and not isinstance(h, int)}  # fmt: skip
@@ -284,7 +285,7 @@ class _Equations:
         moved = np.zeros((n, len(own)))
         x[:, own] = first
         for k in range(1, n):
-            rhs(0.0, x[k - 1].tolist(), self.u[k - 1].tolist(), p, out)
+            rhs(0.0, x[k - 1].tolist(), self.flows[k - 1].tolist(), p, out)
             moved[k] = gain * out[own] - np.einsum("ki,ki->i", weights[1 : k + 1], moved[k - 1 :: -1])
             x[k, own] = first + moved[k]
             if not np.abs(moved[k]).max() < BEYOND:

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, on_grid
 from fracid.errors import InputError, refuse_unknown
 from fracid.findings import Words, with_code
 from fracid.models import Model, Parameter, model
@@ -29,7 +29,16 @@ from fracid.models.base import ZEROS
 from fracid.models.library import table_of
 from fracid.models.written.formulas import formula
 from fracid.models.written.tree import Number
-from fracid.problem.draft import FEWEST, Draft, Source, doubts, let_go_again, moving_inputs, refuse_other_clock
+from fracid.problem.draft import (
+    FEWEST,
+    Draft,
+    Source,
+    doubts,
+    let_go_again,
+    moving_inputs,
+    refuse_other_clock,
+    with_between,
+)
 from fracid.problem.experiment import first_samples
 from fracid.problem.first_values import FirstValues, first_values
 from fracid.problem.roles import named_columns, roles_of
@@ -357,14 +366,16 @@ class _ModelPage:
     def _first_values(self, model: Model, gear: float) -> FirstValues:
         r, rows = next((r for r in self.recordings if moving_inputs(r, model)), self.recordings[0]), self.rows
         r = r.trim("release") if self.is_released(r) else r
-        time = np.arange(r.time[0], r.time[-1], r.report.clock.step)
-        signals: dict[str, FloatArray] = {n: np.interp(time, r.time, np.nan_to_num(s)) for n, s in r.signals.items()}
+        time = np.arange(r.time[0], r.time[-1], step := r.report.clock.step)
+        held = {n for n in r.signals if with_between(self.columns.get(n, {}), n, r, model).get("between") == "hold"}
+        signals: dict[str, FloatArray] = {n: on_grid(r.time, np.nan_to_num(s), time, step, held=n in held)
+                                          for n, s in r.signals.items()}  # fmt: skip
         for n, c in ((n, c) for n, c in self.columns.items() if n in signals):
             own = gear if n in self.table.get("geared", ())[1:] else 1.0
             gain, bias = _start(c.get("gain", own)), _start(c.get("bias", 0.0))
             signals[n] = gain * signals[n] + bias if n in model.inputs else (signals[n] - bias) / gain
         for n, (of, degree) in sorted(self.model.derived.items(), key=lambda one: one[1][1]):
-            signals.setdefault(of, integrated(signals.pop(n), r.report.clock.step, degree)[0])
+            signals.setdefault(of, integrated(signals.pop(n), step, degree)[0])
         starts = {s: float(signals[o][0]) for s, o in self.near.items() if o}
         sought = [n for n in rows if self.sought(n) and not (rows[n]["start"] == 0.0 and self.grows(n))]
         free = [n for n in sought if rows[n]["start"] != 0.0 or rows[n].get("free") in self.always or self._slides(n)]
@@ -372,11 +383,10 @@ class _ModelPage:
 
         def beginning_at(rests: Mapping[str, float]) -> FirstValues:
             about = {n: x - rests.get(model.rest_of(n), 0.0) for n, x in signals.items()}
-            found = first_values(model, r.report.clock.step, about, free, optional=optional, starts=starts)
+            found = first_values(model, step, about, free, optional=optional, starts=starts)
             return replace(found, values={n: v + rests.get(n, 0.0) for n, v in found.values.items()})
 
-        either = [beginning_at(rests) for rests in ({}, self.middles)[: 1 + bool(self.middles)]]
-        return max(either, key=lambda found: found.explained)
+        return max(map(beginning_at, ({}, self.middles)[: 1 + bool(self.middles)]), key=lambda found: found.explained)
 
     @cached_property
     def middles(self) -> dict[str, float]:

@@ -10,6 +10,9 @@ at rest, for a motion that is under way can begin anywhere.
 A channel that is late, scaled, offset or filtered (:mod:`fracid.problem.sensors`) is so here: outputs after the run,
 which goes on a little longer where one may be early, inputs before it.
 
+At uneven samples an output is that of states and inputs there: read between two steps, what jumps at a sample would be
+of both sides of the jump.
+
 With a `memo` nothing is simulated twice: outputs are kept under a hash of all that they depend on.
 """
 
@@ -24,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import ROUNDED, FloatArray
 from fracid.errors import Failure, FailureReason
 from fracid.models.base import FadingState
 from fracid.problem.coarse import means, stepped
@@ -123,13 +126,24 @@ class Simulator:
             return Failure(FailureReason.RUN, f"{e.name}: {run.outcome.value} at t = {run.time[-1]:.4g} s")
         p, time = self.parametrisation, self._grid(e)[0].time
         readings = p.readings(p.unpack(x, e).parameters, e.sensors) if e.sensors else {}
+        plain = {*p.outputs} - {*p.model.derived, *p.model.output_states, *readings} if e.times is not None else ()
         outputs = [
+            self._at_samples(x, e, run, n) if n in plain else
             _read(self._signal(x, e, run, n), time, readings.get(n, Reading()), even=e.times is None) for n in p.outputs
-        ]
+        ]  # fmt: skip
         simulated = means(np.column_stack(outputs), min(p.substeps, e.means))
         if not np.all(np.abs(simulated) < ENDLESS):
             return Failure(FailureReason.RUN, f"{e.name}: an output is not finite")
         return simulated
+
+    def _at_samples(self, x: FloatArray, e: Experiment, run: Trajectory, output: str) -> FloatArray:
+        """An output at uneven samples, of states and inputs there: an input that jumps at a sample has jumped."""
+        p, u, times = self.parametrisation, self.inputs(x, e).after, np.clip(e.time, run.time[0], run.time[-1])
+        jumped = e.step * np.ceil(times / e.step - ROUNDED)
+        at = [jumped if e.between.get(n) == "hold" else times for n in p.model.inputs]
+        rows = [np.interp(t, run.time[-len(c) :], c) for t, c in zip(at, u.T, strict=True)]
+        y, now = p.model.outputs[output], np.reshape(rows, (-1, len(times))).T
+        return output_along(y, times, between(run, times), now, p=p.unpack(x, e).parameters)  # type: ignore[arg-type]
 
     def _signal(self, x: FloatArray, e: Experiment, run: Trajectory, output: str) -> Trajectory:
         """One output on the grid of a run."""

@@ -286,8 +286,7 @@ def _spans(e: Experiment, windows: int) -> list[tuple[int, int]] | str:
     count = min(windows, int(alive / (SWINGS * period)))
     if count < 2:
         return SAYS("few-swings", name=e.name, swings=SWINGS)
-    ends = np.linspace(0, alive, count + 1).round().astype(int).tolist()
-    return list(pairwise(ends))
+    return list(pairwise(np.linspace(0, alive, count + 1).round().astype(int).tolist()))
 
 
 def _whole_period(swing: FloatArray) -> int:
