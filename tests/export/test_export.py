@@ -33,6 +33,7 @@ from fracid.problem.toml_text import toml_value
 from fracid.runs.saved import load_run
 from fracid.safety.door import own_text
 from fracid.solver.memory import compressed, full, short
+from fracid.workflows.simulation import twin_of
 from program import run
 
 pytestmark = pytest.mark.usefixtures("without_rivals")
@@ -346,6 +347,9 @@ windows = 2.0
     assert first.name == "swing, window 1"
     assert (found["name"], found["time"].size) == ("swing", t.size)
     assert found["steps"] * found["step"] == pytest.approx(first.time[-1])
+    simulated = twin_of(str(tmp_path / "run"), recording=None, zero=None, friction=False, released=False, trust=False)
+    assert simulated.end == pytest.approx(t[-1])
+    assert simulated.initial == {n: e.value for n, e in saved.recordings["swing"].initial.items()}
 
 
 @pytest.mark.broad

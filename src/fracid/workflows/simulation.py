@@ -6,7 +6,7 @@ import re
 import shlex
 import warnings
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -120,12 +120,14 @@ def _no_source(source: str, known: tuple[str, ...]) -> InputError:
 def _of_fit(path: Path, recording: str | None, trust: bool) -> Twin:
     """A run with its values, or a project with its start; of the recording that is named, or the first."""
     found = run_or_project(path, trust)
-    problem, known = found.problem, found.values if isinstance(found, SavedRun) else {}
-    project, x = (found.project, found.x) if isinstance(found, SavedRun) else (found, problem.start)
+    problem, project, known = found.problem, found, {}
+    if isinstance(found, SavedRun):  # of which windows are no recordings
+        project, known = found.project, found.values
+        problem = replace(problem, experiments=project.problem.experiments)
     there = {e.name: e for e in (*problem.experiments, *project.validation)}
     experiment = entry_of(f"recording of {path}", there, next(iter(there)) if recording is None else recording)
     if experiment in project.validation:
-        problem = problem.with_shared(x, (experiment,))
+        problem = problem.with_shared(problem.point(known), (experiment,))
     return Twin.of_problem(problem, problem.point(known), experiment)
 
 
