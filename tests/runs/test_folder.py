@@ -146,7 +146,7 @@ def test_what_was_killed_as_it_began_is_nothing_to_go_on_with(tmp_path, monkeypa
     def killed(*_):
         raise SystemExit
 
-    monkeypatch.setattr("fracid.runs.folder._write_state", killed)
+    monkeypatch.setattr("fracid.runs.folder.write_files", killed)
     with pytest.raises(SystemExit):
         under_way(tmp_path)
     with pytest.raises(InputError, match=r"was left before anything was done\. Type the command itself again"):

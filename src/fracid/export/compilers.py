@@ -80,9 +80,7 @@ def library_of(texts: Mapping[str, str], main: str, name: str) -> bytes | str:
         for file, text in texts.items():
             write_whole(Path(folder, file), text)
         command += [*FLAGS, main, "-o", "library", "-lm"]
-        done = subprocess.run(
-            command, cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
-        )
+        done = subprocess.run(command, cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, text=True)
         if done.returncode:
             raise InputError(f"The sources do not compile for {name}: {done.stderr.strip()[:500]}")
         return bytes_of(Path(folder, "library"))

@@ -27,6 +27,7 @@ from fracid.arrays import FloatArray, Quanta, extremes
 from fracid.estimation.records import RecordingFit
 from fracid.figures import STYLES, Style, style_named
 from fracid.models import Model
+from fracid.plots.notebook import ShownFigure
 from fracid.problem.costs import COSTS
 from fracid.safety.door import own_text
 from fracid.safety.text import cut
@@ -75,25 +76,19 @@ TALLEST = 230 / 25.4
 
 def new(width: float, height: float, style: str | Style = "screen") -> Figure:
     """An empty figure of that size [inch], or of its style's width and about the same shape."""
-    from fracid.plots.notebook import ShownFigure
-
     theme = style_named(style)
     millimetres = theme.column if width <= NARROW else theme.page
     if millimetres is not None:
         shrunk = millimetres / 25.4 / width
         width, height = shrunk * width, min(shrunk**0.6 * height, TALLEST)  # text does not shrink as much as panels
-    figure: Figure = ShownFigure(figsize=(width, height), layout="constrained", facecolor="white")
-    vars(figure)[_STYLE] = theme  # with the figure, wherever it goes
+    figure = ShownFigure(figsize=(width, height), layout="constrained", facecolor="white")
+    figure.theme = theme
     return figure
-
-
-_STYLE = "_fracid_style"
 
 
 def style_of(figure: Figure) -> Style:
     """The style that a figure was made with; the screen's for one that is not ours."""
-    style: Style = vars(figure).get(_STYLE, STYLES["screen"])
-    return style
+    return figure.theme if isinstance(figure, ShownFigure) else STYLES["screen"]
 
 
 def finish(figure: Figure, heading: str, *, grid: bool = True, caption: str = "") -> Figure:

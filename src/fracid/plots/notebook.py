@@ -6,6 +6,8 @@ from io import BytesIO
 
 from matplotlib.figure import Figure
 
+from fracid.figures import STYLES, Style
+
 RESOLUTION = 120
 """Of the picture [pixels per inch]."""
 
@@ -18,6 +20,9 @@ class ShownFigure(Figure):
     >>> ShownFigure(figsize=(2, 1))._repr_png_()[1:4]
     b'PNG'
     """
+
+    theme: Style = STYLES["screen"]
+    """How it is set; with the figure, wherever it goes."""
 
     def _repr_png_(self) -> bytes:
         content = BytesIO()

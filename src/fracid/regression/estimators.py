@@ -186,9 +186,8 @@ def sandwich(of: Scaled, instruments: Blocks | None, v: FloatArray, weights: Flo
     units = np.linalg.norm(A, axis=0)
     A, Z = A / units, Z / np.linalg.norm(Z, axis=0)
     scores = Z * (weights * residual)[:, None]
-    omega = np.zeros((A.shape[1], A.shape[1]))
-    for part in np.split(scores, np.cumsum([len(W) for W in of.system.W])[:-1]):
-        omega += bartlett_long_run(part, lags - 1)
+    parts = np.split(scores, np.cumsum([len(W) for W in of.system.W])[:-1])
+    omega = np.sum([bartlett_long_run(part, lags - 1) for part in parts], axis=0)
     inverse = np.linalg.pinv((Z * weights[:, None]).T @ A)
     return np.asarray(inverse @ omega @ inverse.T / np.outer(units, units))
 

@@ -61,11 +61,6 @@ class Material:
         return cls(folder, result, solved, fit, plane=plane, tested=tested)
 
     @property
-    def notes(self) -> tuple[str, ...]:
-        """What differs from the run as it was."""
-        return self.fit.notes if isinstance(self.fit, SavedRun) else ()
-
-    @property
     def problem(self) -> Problem:
         """What was solved."""
         return self.project.problem

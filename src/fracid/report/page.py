@@ -236,8 +236,8 @@ def _context(material: Material) -> dict[str, Any]:
         "orders": orders_drawn(result["orders"]),
         "open_at_most": OPEN, "warnings_shown": WARNINGS,
         "headline": headline, "lines": lines,
-        "warnings": [*material.notes, *material.left_out, *(w for w in unsaid(result) if w.code not in BESIDE),
-                     *material.project.notes],
+        "warnings": [*getattr(material.fit, "notes", ()), *material.left_out,  # of a saved run, what differs from it
+                     *(w for w in unsaid(result) if w.code not in BESIDE), *material.project.notes],
         "recordings": [_recording(material, name, f"whole-{k}") for k, name in enumerate(result["recordings"])],
         "equations": equations(model, result, driven), "latex": equations(model, result, driven, "LaTeX"),
         "no_rival": _no_rival(result),

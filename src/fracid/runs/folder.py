@@ -103,7 +103,7 @@ class Run:
         InputError
             If that cannot be written.
         """
-        _write_state(self.folder, replace(self.state, finished=True))
+        write_files(self.folder, {RUN: json_document(replace(self.state, finished=True).to_json())})
         for path in (self.folder / MEMO, *_halves(self.folder)):
             path.unlink(missing_ok=True)
 
@@ -155,7 +155,7 @@ def open_run(
         else:
             (folder / RUN).unlink(missing_ok=True)  # killed from here on, there is nothing to go on with
             _clear(folder, command)
-            _write_state(folder, now)
+            write_files(folder, {RUN: json_document(now.to_json())})
         yield Run(folder, now, resume)
 
 
@@ -294,10 +294,6 @@ def _refuse_another(folder: Path, before: RunState, now: RunState) -> None:
     for what in {**before.inputs, **now.inputs}:
         if before.inputs.get(what) != now.inputs.get(what):
             raise InputError(SAYS("changed", folder=folder, what=what))
-
-
-def _write_state(folder: Path, state: RunState) -> None:
-    write_files(folder, {RUN: json_document(as_json(RunState, state))})
 
 
 def open_folder(folder: Path, command: Sequence[str] = ()) -> Path:

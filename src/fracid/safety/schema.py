@@ -11,8 +11,9 @@
 =================  ==========================================================================================
 
 A dataclass that is a :class:`Record` is its own description: its fields are the keys, a key that is called otherwise
-is an alias, and what follows from the fields may stand beside them (``computed_field``).  A :class:`Block` describes
-what has no class of its own, or is written from attributes of several.  Either
+is an alias, and what follows from the fields may stand beside them (``computed_field``).  Where it has a method
+``incoherence``, that says of what was read which parts do not fit together, or "".  A :class:`Block` describes what has
+no class of its own, or is written from attributes of several.  Either
 
 * **writes**: :func:`as_json`,
 * **reads**: :func:`record_of`,
@@ -46,7 +47,6 @@ from pydantic import (
     TypeAdapter,
     ValidationError,
     computed_field,
-    model_validator,
 )
 from pydantic.json_schema import SkipJsonSchema
 from pydantic_core.core_schema import CoreSchema, ValidationInfo, any_schema, with_info_after_validator_function
@@ -186,18 +186,6 @@ Kind = TypeVar("Kind", bound=Block | Record)
 
 described: Callable[[Any], TypeAdapter[Any]] = cache(TypeAdapter)
 """What pydantic knows of a block or a record."""
-
-
-class Coherent(Block):
-    """One whose parts must fit together, where it is read; so must those of a record that has ``incoherence``."""
-
-    @model_validator(mode="after")
-    def _fits(self, info: ValidationInfo) -> Any:
-        return _together(self, info)
-
-    def incoherence(self) -> str:
-        """What does not fit together, in words; empty where all does."""
-        return ""
 
 
 WRITING = "writing"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from fracid.safety.schema import Block, Coherent, Interval, Number, also_called
+from dataclasses import dataclass
+
+from fracid.safety.schema import Block, Interval, Number, Record, also_called
 
 
 class PriorBlock(Block):
@@ -27,7 +29,8 @@ class DrawnBlock(Block):
     prior: PriorBlock
 
 
-class PosteriorBlock(Coherent):
+@dataclass(frozen=True)
+class PosteriorBlock(Record):
     """Draws of the free parameters, without the draws."""
 
     method: str

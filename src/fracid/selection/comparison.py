@@ -660,9 +660,8 @@ def _half_widths(row: Row) -> dict[str, float]:
 
 def _choose_step(place: _Place, name: str, values: ByName, jobs: int) -> dict[str, Any]:
     problem, x = place.minimum(name, values)
-    if problem.cost_function.loss is None or not problem.names:
-        return {"substeps": problem.substeps}
-    return {"substeps": quiet_substeps(problem, x, jobs=jobs)}
+    shown = problem.cost_function.loss is not None and problem.names
+    return {"substeps": quiet_substeps(problem, x, jobs=jobs) if shown else problem.substeps}
 
 
 def _test_amplitude(place: _Place, name: str, values: ByName, jobs: int) -> dict[str, Any]:

@@ -22,7 +22,6 @@ from fracid.safety.schema import (
     AS_NULL,
     Beside,
     Block,
-    Coherent,
     Infinite,
     Interval,
     Listed,
@@ -339,7 +338,8 @@ class RecordedBlock(Block):
     measured: dict[str, list[Number]]
 
 
-class CurvesBlock(Coherent):
+@dataclass(frozen=True)
+class CurvesBlock(Record):
     """The content of curves.json."""
 
     recordings: dict[str, RecordedBlock]

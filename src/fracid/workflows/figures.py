@@ -50,12 +50,6 @@ class Drawing:
     """By recording."""
 
     @property
-    def model(self) -> Model | None:
-        """The rig, where it is drawn: one's own is of a module that the other process does not have, and is none."""
-        model = self.project.problem.model
-        return model if self.drawer.pool is None or (model.rhs.__module__ or "").startswith("fracid.") else None
-
-    @property
     def figures(self) -> Path:
         """The folder that they are written into."""
         from fracid.runs.folder import FIGURES  # not above: the other process has no need of all that this imports
@@ -75,10 +69,12 @@ class Drawing:
         """Draw the rig, Figures 2 and 3 of each recording, and the cost over two free orders; write the report."""
         from fracid.report import plane_of, write_report
 
-        folder, model = self.folder, self.model
+        folder, model = self.folder, self.project.problem.model
+        # One's own model is of a module that the other process does not have.
+        drawable = self.drawer.pool is None or (model.rhs.__module__ or "").startswith("fracid.")
         self.observer.stage("figures")
         recordings = self._of_recordings(fit.recordings)
-        of_the_rig = of_rig(rig_as_found(model, fit.parameters)) if model is not None else ()
+        of_the_rig = of_rig(rig_as_found(model, fit.parameters)) if drawable else ()
         pieces = [*self._asked(of_the_rig), *chain.from_iterable(r.figures for r in recordings)]
         of_starts = saved(of_search(fit), self.figures)
         if len(fit.problem.order_indices) >= 2:

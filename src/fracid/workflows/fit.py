@@ -12,8 +12,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from shutil import disk_usage
@@ -195,24 +195,28 @@ def run(
         findings = _checked(project, jobs, watching)
         laps["look"] = time.perf_counter() - start_time - laps["load"]
     searching = True
-    with (
-        one_blas_thread(),
-        _nothing_left(folder, lambda: searching and not resume),
-        open_run(folder, request, inputs=inputs, resume=resume, command=words) as opened,
-        drawer(jobs if figures else 1) if draws is None else nullcontext(draws) as beside,
-    ):
-        draw = Drawing(project, folder, jobs, watching, drawer=beside) if figures else None
-        heard = watching if draw is None else _drawn_too(watching, draw)
-        fit = _identified(project, opened, jobs, heard, findings=findings, optimiser=name, seed=seed, starts=starts,
-                          cut=cut, executor=executor or "threads")  # fmt: skip
-        searching = False
-        laps |= {stage: seconds + laps.get(stage, 0.0) for stage, seconds in fit.timing.items()}
-        result = write_result(folder, fit, project, laps)  # what the figures may not find room for
-        interrupted, seconds = fit.outcome is Outcome.INTERRUPTED, time.perf_counter() - start_time
-        found = FinishedRun(project, fit, folder, (), result=result, interrupted=interrupted, seconds=seconds,
-                            resumed=resume)  # fmt: skip
-        watching.result(found)
-        finished = _with_figures(found, draw, opened, laps, began=start_time, observer=watching)
+    try:
+        with (
+            one_blas_thread(),
+            open_run(folder, request, inputs=inputs, resume=resume, command=words) as opened,
+            drawer(jobs if figures else 1) if draws is None else nullcontext(draws) as beside,
+        ):
+            draw = Drawing(project, folder, jobs, watching, drawer=beside) if figures else None
+            heard = watching if draw is None else _drawn_too(watching, draw)
+            fit = _identified(project, opened, jobs, heard, findings=findings, optimiser=name, seed=seed, starts=starts,
+                              cut=cut, executor=executor or "threads")  # fmt: skip
+            searching = False
+            laps |= {stage: seconds + laps.get(stage, 0.0) for stage, seconds in fit.timing.items()}
+            result = write_result(folder, fit, project, laps)  # what the figures may not find room for
+            interrupted, seconds = fit.outcome is Outcome.INTERRUPTED, time.perf_counter() - start_time
+            found = FinishedRun(project, fit, folder, (), result=result, interrupted=interrupted, seconds=seconds,
+                                resumed=resume)  # fmt: skip
+            watching.result(found)
+            finished = _with_figures(found, draw, opened, laps, began=start_time, observer=watching)
+    except KeyboardInterrupt:
+        if searching and not resume:  # before the search has simulated anything no folder is left behind
+            discard(folder)
+        raise
     watching.stage("")
     return replace(finished, seconds=laps.get("total", time.perf_counter() - start_time))
 
@@ -276,17 +280,6 @@ def _command(project: Project, out: str | Path | None, request: FitOptions) -> l
     options = {name: value for name, value in vars(request).items() if name not in ("project", "starts")}
     more = {"multi_start": request.starts, "trust": bool(project.own_code)}
     return command_of("fit", project.path, {"out": out, **options, **more})
-
-
-@contextmanager
-def _nothing_left(folder: Path, nothing: Callable[[], bool]) -> Iterator[None]:
-    """Ctrl-C before the search has simulated anything leaves no folder behind."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        if nothing():
-            discard(folder)
-        raise
 
 
 def _drawn_too(observer: Observer, drawing: Drawing) -> Observer:

@@ -33,7 +33,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache, partial
-from importlib import resources
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -131,7 +131,5 @@ def inputs_of(name: str, time: FloatArray) -> dict[str, FloatArray]:
     return {n: np.array([*map(Formula(tree).py_func, time.tolist())], np.float64) for n, tree in trees.items()}
 
 
-_FILES = sorted(file.name for file in resources.files(__name__).iterdir() if file.name.endswith(".toml"))
-
-MODEL = {name: partial(from_library, name) for name in (file.removesuffix(".toml") for file in _FILES)}
+MODEL = {file.stem: partial(from_library, file.stem) for file in sorted(Path(__file__).parent.glob("*.toml"))}
 """By the name that a project file gives it."""

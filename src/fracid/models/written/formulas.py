@@ -221,7 +221,6 @@ class _Parser:
             return inner
         if token.kind == "name":
             return self._called(token) if self.take("(") else self._named(token)
-        self.at -= 1
         raise self.wrong(token.column, SAYS("no-operand", hint=INSTEAD["names"].get(token.text, INSTEAD["value"])))
 
     def _named(self, token: _Token) -> Expression:

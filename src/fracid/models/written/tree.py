@@ -12,7 +12,6 @@ from functools import cached_property
 from itertools import chain
 
 COMPARISONS = ("<", "<=", ">", ">=", "==", "!=")
-LOGIC = ("and", "or", "not")
 
 
 @dataclass(frozen=True)
@@ -210,6 +209,6 @@ def is_truth(e: Expression) -> bool:
     >>> is_truth(Operation("<", (Name("a"), Number(0.0)))), is_truth(Name("a"))
     (True, False)
     """
-    return (isinstance(e, Operation) and e.sign in (*COMPARISONS, *LOGIC)) or (
-        isinstance(e, Number) and isinstance(e.value, bool)
-    )
+    if isinstance(e, Operation):
+        return e.sign in (*COMPARISONS, "and", "or", "not")
+    return isinstance(e, Number) and isinstance(e.value, bool)
