@@ -36,7 +36,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -468,9 +468,7 @@ def _too_wide(view: _View, i: int) -> Iterator[Verdict]:
     if ratio is None:
         yield Verdict(name, "practically not", text + because)
     else:
-        partner, combination, percent = ratio
-        why = SAYS("near-ratio", partner=partner, combination=combination, percent=percent, text=text)
-        yield Verdict(name, "only in a ratio", why)
+        yield Verdict(name, "only in a ratio", SAYS("near-ratio", **ratio, text=text))
 
 
 def _bounds(view: _View, i: int) -> str:
@@ -498,7 +496,7 @@ def _idle(view: _View, i: int) -> str:
     return next((SAYS("idle", other=problem.unknowns[k].name) for k in off if k in acts), "")
 
 
-def _near_ratio(view: _View, i: int) -> tuple[str, str, float] | None:
+def _near_ratio(view: _View, i: int) -> dict[str, Any] | None:
     """The partner with which a ratio or product is known far better, what it is, and to how many percent."""
     C, x, best = view.known.covariance, view.x, None
     for k in range(len(x)):
@@ -510,7 +508,7 @@ def _near_ratio(view: _View, i: int) -> tuple[str, str, float] | None:
             best = (variance, view.names[k], _combination(view.names[i], view.names[k], math.copysign(1.0, both)))
     if best is None or NORMAL_95 * math.sqrt(best[0]) > KNOWN:
         return None
-    return best[1], best[2], 100 * NORMAL_95 * math.sqrt(best[0])
+    return {"partner": best[1], "combination": best[2], "percent": 100 * NORMAL_95 * math.sqrt(best[0])}
 
 
 def _because(view: _View, i: int) -> str:

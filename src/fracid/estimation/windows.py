@@ -382,10 +382,8 @@ def in_parts(problem: Problem, parts: int, own: Sequence[str]) -> Problem:
     >>> [u.name for u in in_parts(problem, 2, ["b_alpha"]).unknowns if u.target == "b_alpha"]
     ['b_alpha [twin, part 1]', 'b_alpha [twin, part 2]']
     """
-    pieces = []
-    for e in problem.experiments:
-        spans = _equal_spans(0, len(e.measured), parts)
-        pieces += [piece(e, f"{e.name}, part {k}", a, b) for k, (a, b) in enumerate(spans, start=1)]
+    pieces = (piece(e, f"{e.name}, part {k}", a, b) for e in problem.experiments
+              for k, (a, b) in enumerate(_equal_spans(0, len(e.measured), parts), start=1))  # fmt: skip
     names = tuple(dict.fromkeys((*problem.per_recording, *own)))
     scored = tuple(p for p in pieces if p.samples)
     return replace(problem, experiments=scored, per_recording=names, initial_state="estimate", memo=None)
@@ -406,8 +404,7 @@ def _windows(e: Experiment, most: int) -> list[Experiment]:
 
 def piece(e: Experiment, name: str, first: int, end: int) -> Experiment:
     """Some samples of a recording, which begin in motion."""
-    return replace(e.part(first, end), name=name, past=None, past_inputs=None, release_time=0.0, initial={},
-                   start=e.start + float(e.time[first]))  # fmt: skip
+    return replace(e.part(first, end), name=name, past=None, past_inputs=None, release_time=0.0, initial={})
 
 
 def shared_values(problem: Problem, x: FloatArray) -> Mapping[str, float]:

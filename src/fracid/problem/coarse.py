@@ -47,12 +47,10 @@ def coarser(e: Experiment, every: int, inputs: Sequence[str]) -> Experiment:
     (0.4, [0.0, 4.0, 8.0, 12.0, 16.0])
     """
     rows = (len(e.measured) - 1 - every // 2) // every + 1
-    coarse = replace(e, step=every * e.step, measured=np.empty((rows, 0)), source=e, means=every,
-                     mask=tuple((a - every * e.step / 2, b + every * e.step / 2) for a, b in e.mask))  # fmt: skip
-    source = coarse.source_of(0, rows)
-    assert source is not None
-    u = _inputs(e, every, inputs)
-    return replace(coarse, source=source, measured=means(source.measured, every), inputs=u[:rows])
+    source = e.part(0, (rows - 1) * every + every // 2 + 1)
+    return replace(e, step=every * e.step, measured=means(source.measured, every), source=source, means=every,
+                   inputs=_inputs(e, every, inputs)[:rows],
+                   mask=tuple((a - every * e.step / 2, b + every * e.step / 2) for a, b in e.mask))  # fmt: skip
 
 
 def as_samples(e: Experiment) -> Experiment:

@@ -167,10 +167,9 @@ class Experiment(CardDisplay):
         if recording.step is None and not recording.uneven:
             raise InputError(f"{recording.name} is not on a uniform grid; resample it first.")
         refuse_unknown(f"state in initial of {recording.name}", model.states, *(initial or {}))
-        past: dict[str, Any] = {}
         step = recording.step
         if before is not None:
-            past = dict(zip(("past", "past_inputs"), _columns(before, model, outputs), strict=True))
+            options["past"], options["past_inputs"] = _columns(before, model, outputs)
             if step is None:
                 raise InputError(f"{recording.name}: a past needs a uniform grid; resample it first (resample = true).")
             if before.step is None or abs(recording.time[0] - before.time[-1] - step) > 1e-3 * step:
@@ -190,7 +189,7 @@ class Experiment(CardDisplay):
         inputs = _with_rates(recording, model, step, inputs, options=options)
         found = cls(
             recording.name, step, measured, inputs, start=float(recording.time[0]), sha256=recording.sha256,
-            initial=initial or {}, **past, units={n: units.get(n, "rad") for n in outputs}, copied=True, **options,
+            initial=initial or {}, units={n: units.get(n, "rad") for n in outputs}, copied=True, **options,
         )  # fmt: skip
         if found.samples and (none := [n for n, k in zip(outputs, found.scored.T, strict=True) if not k.any()]):
             raise InputError(SAYS("no-sample", of=recording, name=none[0]))
@@ -299,7 +298,8 @@ class Experiment(CardDisplay):
         return self.part(0, 1 + max(int(last), *np.argmax(self.scored, axis=0).tolist()))
 
     def part(self, first: int, end: int) -> Experiment:
-        """Some of its samples, and the inputs on a grid that begins with the first of them."""
+        """Some of its samples, with those of the source that they are means of, and the inputs on a grid that begins
+        with the first of them."""
         times, deviation = (None if a is None else a[first:end] for a in (self.times, self.deviation))
         inputs = self.inputs if len(self.inputs) == 1 else self.inputs[first:end]
         if times is not None:
@@ -308,17 +308,12 @@ class Experiment(CardDisplay):
             whole = self.step * np.arange(len(self.inputs))  # shifted means of a held input lie on lines too
             inputs = self.inputs if len(whole) == 1 else np.column_stack(
                 [np.interp(grid, whole, u) for u in self.inputs.T])  # fmt: skip
-        return replace(self, measured=self.measured[first:end], inputs=inputs, times=times, deviation=deviation,
-                       source=self.source_of(first, end), since=float(self.weighed_at[first]))  # fmt: skip
-
-    def source_of(self, first: int, end: int) -> Experiment | None:
-        """The part of the source that some samples, from `first` up to `end`, are means of."""
-        if self.source is None:
-            return None
-        at = slice(first * self.means, (end - 1) * self.means + self.means // 2 + 1)
-        inputs = self.source.inputs if len(self.source.inputs) == 1 else self.source.inputs[at]
-        start = self.source.start + at.start * self.source.step
-        return replace(self.source, measured=self.source.measured[at], inputs=inputs, start=start)
+        means = slice(first * self.means, (end - 1) * self.means + self.means // 2 + 1)
+        source = self.source and self.source.part(means.start, means.stop)
+        return replace(
+            self, measured=self.measured[first:end], inputs=inputs, times=times, deviation=deviation, source=source,
+            start=self.start + float(self.time[first]), since=float(self.weighed_at[first]),
+        )  # fmt: skip
 
     def in_deviations(self, error: FloatArray) -> FloatArray:
         """Errors in standard deviations where these are known, shape (n_samples, n_outputs)."""

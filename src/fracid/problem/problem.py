@@ -301,8 +301,8 @@ class Problem(Parametrisation, CardDisplay):
         """
         shared = {u.target: v for u, v in zip(self.unknowns, x.tolist(), strict=True) if u.experiment is None}
         own_names = (*self.per_recording, *self.ties)
-        orders = {n: v if n in own_names else shared.get(n, starting_value(v)) for n, v in self.orders.items()}
-        parameters = {n: v if n in own_names else shared.get(n, starting_value(v)) for n, v in self.parameters.items()}
+        orders, parameters = ({n: v if n in own_names else shared.get(n, starting_value(v)) for n, v in of.items()}
+                              for of in (self.orders, self.parameters))  # fmt: skip
         return replace(self.of(*experiments), orders=orders, parameters=parameters)
 
     def of(self, *experiments: Experiment) -> Problem:

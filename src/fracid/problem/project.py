@@ -484,34 +484,28 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
         initial_state=fit.initial_state, method=fit.method, memory=memory_from_name(fit.memory, fit.tolerance),  # type: ignore[arg-type]
         substeps=fit.substeps or 1, weights=fit.weights, windows=fit.windows,  # type: ignore[arg-type]
     )  # fmt: skip
-    notes = [*_notes(loaded, experiments, outputs)]
+    recordings = tuple(one.recording for one in loaded)
+    notes = [f"{r.name}: {r.report.resampled}" for r in recordings if r.report.resampled]
+    notes += _shared(loaded, experiments, outputs)
+    notes += [f"{r.name}: {note}" for r in recordings for code in ("interpolated", "other-header")
+              for note in with_code(r.report.reading, code)]  # fmt: skip
     starts = {e.name: hidden_starts(problem, e) for e in fitted}
     notes += [SAYS("begins-at-0", name=name, states=" and ".join(around), typed=typed_starts(around))
               for name, around in starts.items() if around]  # fmt: skip
     if content.model.equations:
         notes += unknown_units({p.name: p.unit for p in model.parameters} | {**model.input_units})
-        notes += [SAYS("no-input", name=n, recording=r.name, unit=unit) for r in (one.recording for one in loaded)
+        notes += [SAYS("no-input", name=n, recording=r.name, unit=unit) for r in recordings
                   for n, unit in content.model.inputs.items()
                   if n not in (*r.signals, *model.input_rates, *model.input_defaults)]  # fmt: skip
     if paper:
         given = {n: float(v) for n, v in content.model.parameters.items() if isinstance(v, float | int)}
         notes.append(differences(problem, content.model.rig, given))
     return Project(
-        path, text, problem, validation, recordings=tuple(one.recording for one in loaded), optimiser=fit.optimiser,
-        starts=fit.starts, seed=fit.seed, preset=preset, notes=tuple(notes),
+        path, text, problem, validation, recordings=recordings, optimiser=fit.optimiser, starts=fit.starts,
+        seed=fit.seed, preset=preset, notes=tuple(notes),
         alternatives=_alternatives(content.alternative, problem, path.parent),
         fixed_step=fit.substeps is not None or METHODS[problem.method].raw, own_code=own_code,
     )  # fmt: skip
-
-
-def _notes(loaded: list[_Loaded], experiments: list[Experiment], outputs: tuple[str, ...]) -> Iterator[str]:
-    """What reading did to the recordings, and which of them score the same samples."""
-    recordings = [one.recording for one in loaded]
-    yield from (f"{r.name}: {r.report.resampled}" for r in recordings if r.report.resampled)
-    yield from _shared(loaded, experiments, outputs)
-    for r in recordings:
-        for code in ("interpolated", "other-header"):
-            yield from (f"{r.name}: {note}" for note in with_code(r.report.reading, code))
 
 
 def _alternatives(specs: list[_Alternative], problem: Problem, folder: Path) -> dict[str, Problem]:

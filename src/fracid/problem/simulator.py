@@ -236,13 +236,12 @@ class Simulator:
         driven = []
         for name, column in zip(self.parametrisation.model.inputs, u.T, strict=True):
             delay, gain, bias, lowpass, _ = actuators.get(name, Reading())
-            if len(u) == 1:
-                driven.append(Driven(gain * column + bias, gain * column + bias))
-            else:
+            sides = Driven(column, column)
+            if len(u) > 1:
                 kind = e.between.get(name, "line")
                 moved = between_samples(column, kind, first - delay / grid.step, spacing, count=count)
-                filtered = low_passed_steps(moved, grid.step * spacing, lowpass)
-                driven.append(Driven(*(gain * v + bias for v in filtered)))
+                sides = low_passed_steps(moved, grid.step * spacing, lowpass)
+            driven.append(Driven(*(gain * v + bias for v in sides)))
         return Driven(*(np.column_stack(side) for side in zip(*driven, strict=True)))
 
     def _first(self, e: Experiment) -> int:

@@ -34,7 +34,7 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -357,8 +357,7 @@ def _window(
         again = embedded(piece, piece.named(start) | shared)
         best = min(best, lowest_from(piece, again, Watch(jobs), **SEARCH), key=lambda end: end.cost)
     if not math.isfinite(best.cost):
-        window = f"{e.name}, {times[0]:.3g} … {times[1]:.3g} s"
-        return f"{window}: no order was found, the run fails."
+        return f"{e.name}, {times[0]:.3g} … {times[1]:.3g} s: no order was found, the run fails."
     errors = _standard_errors(piece, best.point, jobs)
     orders = {n: float(best.point[i]) for n, i in piece.free_orders.items()}
     measured, told = piece.experiments[0].measured, {n: _told_by(piece, n) for n in orders}
@@ -383,26 +382,25 @@ def _told_by(piece: Problem, order: str) -> list[str]:
 # --- drifts --------------------------------------------------------------------------------------------------
 
 
-def _drifts(windows: Sequence[Window]) -> list[Drift]:
+def _drifts(windows: Sequence[Window]) -> Iterator[Drift]:
     names = dict.fromkeys(w.recording for w in windows)
     groups = {name: [w for w in windows if w.recording == name and not w.whole] for name in names}
     groups |= {RELEASES: [w for w in windows if w.whole]}
-    drifts = [_drift(order, over, group) for over, group in groups.items()
-              for order in dict.fromkeys(n for w in group for n in w.orders)]  # fmt: skip
-    return [d for d in drifts if d is not None]
+    for over, group in groups.items():
+        for order in dict.fromkeys(n for w in group for n in w.orders):
+            yield from _drift(order, over, group)
 
 
-def _drift(order: str, over: str, group: Sequence[Window]) -> Drift | None:
-    """How an order goes with amplitude over windows; None where fewer than two tell it."""
+def _drift(order: str, over: str, group: Sequence[Window]) -> Iterator[Drift]:
+    """How an order goes with amplitude over windows, of which two at least tell it."""
     informative = [w for w in group if math.isfinite(w.standard_errors.get(order, math.inf))]
     informative.sort(key=lambda w: -w.amplitude[order])
-    if len(informative) < 2:
-        return None
-    A, q, s = np.array([(w.amplitude[order], w.orders[order], w.standard_errors[order]) for w in informative]).T
-    probability, explained, change = trend(A, q, s)
-    return Drift(order, over, tuple(A.tolist()), tuple(q.tolist()), standard_errors=tuple(s.tolist()),
-                 probability=probability, explained=explained, change=change,
-                 unit=informative[0].units.get(order, "rad"))  # fmt: skip
+    if len(informative) > 1:
+        A, q, s = np.array([(w.amplitude[order], w.orders[order], w.standard_errors[order]) for w in informative]).T
+        probability, explained, change = trend(A, q, s)
+        yield Drift(order, over, tuple(A.tolist()), tuple(q.tolist()), standard_errors=tuple(s.tolist()),
+                    probability=probability, explained=explained, change=change,
+                    unit=informative[0].units.get(order, "rad"))  # fmt: skip
 
 
 def trend(A: FloatArray, q: FloatArray, s: FloatArray) -> tuple[float, float, float]:
