@@ -278,7 +278,7 @@ EXPLOSIVE = Model(
 
 def explosive(start):
     swing = Experiment("fall", 0.05, np.full((41, 1), 0.5), np.zeros((1, 0)), initial={"y": 0.5})
-    return Problem(EXPLOSIVE, (swing,), {"q": Free(1.0, 0.5, 1.2)}, {"a": Free(start, 0.0, 4.0)}, outputs=("y",),
+    return Problem(EXPLOSIVE, (swing,), {"q": Free(1.0, 0.5, 1.2)}, {"a": Free(start, 0.0, 4e6)}, outputs=("y",),
                    initial_state="held")  # fmt: skip
 
 

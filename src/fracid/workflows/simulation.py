@@ -120,10 +120,9 @@ def _no_source(source: str, known: tuple[str, ...]) -> InputError:
 def _of_fit(path: Path, recording: str | None, trust: bool) -> Twin:
     """A run with its values, or a project with its start; of the recording that is named, or the first."""
     found = run_or_project(path, trust)
-    problem, project, known = found.problem, found, {}
-    if isinstance(found, SavedRun):  # of which windows are no recordings
-        project, known = found.project, found.values
-        problem = replace(problem, experiments=project.problem.experiments)
+    problem, known = found.problem, found.values if isinstance(found, SavedRun) else {}
+    project = found.project if isinstance(found, SavedRun) else found
+    problem = replace(problem, experiments=project.problem.experiments)  # of a run in windows not these
     there = {e.name: e for e in (*problem.experiments, *project.validation)}
     experiment = entry_of(f"recording of {path}", there, next(iter(there)) if recording is None else recording)
     if experiment in project.validation:
