@@ -384,6 +384,8 @@ LINES = {
         "λ is not identifiable. 1 lies in the interval of μ: there is no evidence of",
     ),
     "given orders": ("Orders", {"orders": {"mu": estimate(1.0, free=False)}}, True, "They were given, not found"),
+    "no orders": ("Orders", {"orders": {}}, True, "The model has none."),
+    "no orders to claim": ("Claim", {"orders": {}, "claim": "undecided"}, False, "whether the rig is fractional."),
     "a prediction": ("Prediction", {}, True, "It predicts b, which was held out, to 0.57°"),
     "no prediction": ("Prediction", {"recordings": FIT_ONLY}, False, "no recording was held out"),
     "all values known": ("Values", {}, True, "2 of 2 free values are identifiable"),

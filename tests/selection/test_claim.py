@@ -230,3 +230,11 @@ def test_advice_that_needs_recordings_held_out_says_how_to_hold_them_out():
         assert "fracid compare" in advice
         assert 'use = "validate" in their [[recording]]' in advice
         assert "--leave-one-out" in advice
+
+
+def test_where_no_order_is_free_a_correlated_residual_is_a_reason_to_doubt_the_intervals():
+    noise, more = LeftOver(1e-3, 0.0, 1.0), LeftOver(1e-3, 0.0, 0.01)
+    assert claim_of([], None, {"cell, voltage": noise}).reasons == ("No order was free, so none is found.",)
+    said = claim_of([], None, {"cell, voltage": more, "cell, temperature": noise})
+    assert (said.claim, said.codes) == ("undecided", ("given", "given-lacks"))
+    assert "The residual of cell, voltage is correlated: the model lacks something." in said.reasons[1]

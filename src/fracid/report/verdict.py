@@ -52,8 +52,8 @@ def _claim(material: Material, lines: tuple[Line, ...]) -> Line:
         orders += f" ({_inside(list(inside), inside)})"
     reason = f"a model of integer order fits as well as {orders}" if _stand_in(material.result) else orders
     doubt = f", but {joined([f'{clause} (see {name})' for name, clause in against.items()])}" if against else ""
-    says = f"{CLAIMS['no-fit' if does_not_fit(material.result['claim_codes']) else claim]}: {reason}{doubt}."
-    return Line("Claim", says, claim != "undecided" and not against)
+    means = CLAIMS["no-fit" if does_not_fit(material.result["claim_codes"]) else claim]
+    return Line("Claim", f"{': '.join(filter(None, (means, reason)))}{doubt}.", claim != "undecided" and not against)
 
 
 def _holds_its_integer(e: Mapping[str, Any]) -> bool:
@@ -139,9 +139,9 @@ def _errors(material: Material, recordings: Mapping[str, Any]) -> str:
 def _orders(material: Material) -> Line:
     orders, rival = material.result["orders"], material.result["alternative"]
     told = {n: said(e) if half_width_of(e) is not None else digits(e) for n, e in orders.items()}
-    sentence = joined([f"{letter(n)} = {text}" for n, text in told.items()]) + "."
+    sentence = joined([f"{letter(n)} = {text}" for n, text in told.items()] or ["The model has none"]) + "."
     if not (free := {n: e for n, e in orders.items() if e["free"]}):
-        return Line("Orders", f"{sentence} They were given, not found.", True)
+        return Line("Orders", f"{sentence}{' They were given, not found.' * bool(orders)}", True)
     if does_not_fit(material.result["claim_codes"]):
         return Line("Orders", f"{sentence} The model does not fit: they mean nothing.", False)
     if rival and rival["warning"]:

@@ -204,15 +204,16 @@ def claim_of(
     >>> claim_of([OrderFound("mu", 0.95, 0.002)], None, white).reasons
     ('No integer-order model was compared with μ = 0.9500 ± 0.0020.',)
     """
+    left = {where: e for where, e in left_over.items() if not e.noise}
     if not orders:
-        return _undecided(SAYS("given"))
+        return _undecided(SAYS("given"), *[SAYS("given-lacks", each=" and ".join(left))] * bool(left))
     again = SAYS("again") if starts == 1 and element is None and not compared else ""
     missed = {where: e for where, e in left_over.items() if not e.fits}
     if missed and (alternative is None or alternative.gain > -STRONG):  # else something of integer order is far better
         each = " and ".join(f"{where} (fit {round(e.fit)} %)" for where, e in missed.items())
         return _undecided(SAYS("no-fit", each=each), SAYS("decide-model", again=again))
     off = [order for order in orders if order.off]
-    unexplained = _unexplained({where: e for where, e in left_over.items() if not e.noise}, again)
+    unexplained = _unexplained(left, again)
     as_noise = {where: e.inputs for where, e in left_over.items() if e.noise and not e.explained}
     whose = {inputs: " and ".join(w for w in as_noise if as_noise[w] == inputs) for inputs in as_noise.values()}
     coloured = [SAYS("shaken" if inputs else "coloured", each=each, inputs=inputs) for inputs, each in whose.items()]
