@@ -468,7 +468,7 @@ def _too_wide(view: _View, i: int) -> Iterator[Verdict]:
     if ratio is None:
         yield Verdict(name, "practically not", text + because)
     else:
-        yield Verdict(name, "only in a ratio", SAYS("near-ratio", **ratio, text=text))
+        yield Verdict(name, "only in a ratio", SAYS("near-ratio", ratio=ratio, text=text))
 
 
 def _bounds(view: _View, i: int) -> str:
